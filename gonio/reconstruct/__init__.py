@@ -1,0 +1,33 @@
+"""Samples -> Brdf, by name. One module per model, each with `fit(samples, *, anisotropic, rng) -> Brdf`."""
+
+from importlib import import_module
+
+import numpy as np
+
+from gonio.brdf import Brdf
+from gonio.reconstruct.samples import Samples
+
+__all__ = ["MODELS", "ReconstructionError", "Samples", "reconstruct"]
+
+MODELS = {
+    "auto": "gonio.reconstruct.auto",
+    "ggx": "gonio.reconstruct.ggx",
+    "lobes": "gonio.reconstruct.lobes",
+    "abc": "gonio.reconstruct.abc",
+    "thesis": "gonio.reconstruct.thesis",
+    "flow": "gonio.reconstruct.flow",
+}
+
+
+class ReconstructionError(ValueError):
+    """Samples from which no BRDF can be made: says what is wrong with them and what to do. One line."""
+
+
+def reconstruct(samples: Samples, model: str = "auto", *, anisotropic: bool = False, seed: int = 0) -> Brdf:
+    """The BRDF that `samples` are measurements of.
+
+    model is a key of MODELS. Raises `ReconstructionError` for samples too few or too poor, KeyError for a model
+    that does not exist. The same samples and seed give the same BRDF.
+    """
+    fit = import_module(MODELS[model]).fit
+    return fit(samples, anisotropic=anisotropic, rng=np.random.default_rng(seed))

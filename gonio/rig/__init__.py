@@ -1,0 +1,1 @@
+"""What a rig must offer: devices, kinematics, motion planning, safety envelope, clock."""

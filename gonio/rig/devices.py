@@ -1,0 +1,121 @@
+"""What a device must offer. `drivers` (real) and `sim` (simulated) are two families of these, peers of each other."""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gonio.geometry import Array
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One joint: limits in rad, top speed in rad/s, acceleration in rad/s^2, resolution in rad (0 = continuous)."""
+
+    name: str
+    lower: float
+    upper: float
+    velocity: float
+    acceleration: float
+    resolution: float = 0.0
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One reading of a detector, dark-subtracted or not as the detector says: per channel value and sigma (C,)."""
+
+    value: Array
+    sigma: Array
+    saturated: bool
+    raw: dict[str, Any]
+
+
+class Stage(Protocol):
+    """Axes that move together. Poses are (A,) radians in the order of `axes`."""
+
+    @property
+    def axes(self) -> tuple[Axis, ...]: ...
+
+    def move(self, pose: Array, deadline: float) -> Array:
+        """Go there and come to rest; the pose achieved. Raises DeviceFault, SafetyStop; late = `deadline` seconds."""
+        ...
+
+    def pose(self) -> Array: ...
+
+    def stop(self) -> None:
+        """Halt all axes where they are, at once."""
+        ...
+
+    def park(self) -> None: ...
+
+
+class Detector(Protocol):
+    def read(self, exposure: float | None = None) -> Reading:
+        """One reading; exposure in seconds, None = the detector's own choice."""
+        ...
+
+
+class Light(Protocol):
+    def on(self) -> None: ...
+
+    def off(self) -> None: ...
+
+    def level(self, fraction: float) -> None: ...
+
+
+@dataclass(frozen=True)
+class Visited:
+    """Measurements just made, M of them, in the order they were made.
+
+    index      (M,) which of the pairs asked for
+    wi, wo     (M, 3) directions as achieved
+    f, sigma   (M, C) BRDF in 1/sr (no cosine) and its standard deviation; NaN = could not be measured
+    saturated  (M,)
+    raw        one record per measurement of what the detector itself said, to be stored beside f; may be empty
+    rig_s      (M,) rig seconds each took (motion + settle + exposure)
+    """
+
+    index: NDArray[np.int64]
+    wi: Array
+    wo: Array
+    f: Array
+    sigma: Array
+    saturated: NDArray[np.bool_]
+    raw: tuple[dict[str, Any], ...]
+    rig_s: Array
+
+
+class Rig(Protocol):
+    """A gonioreflectometer: all that the acquisition loop knows of one."""
+
+    @property
+    def simulated(self) -> bool: ...
+
+    @property
+    def channels(self) -> int: ...
+
+    def reachable(self, wi: Array, wo: Array) -> NDArray[np.bool_]:
+        """Which pairs the rig can visit, decided before sampling; the support of the target. Touches no hardware."""
+        ...
+
+    def visit(self, wi: Array, wo: Array):
+        """Measure every pair, in the order the rig finds cheapest: an iterator of `Visited`.
+
+        What one `Visited` holds is to be stored before the next is asked for: the next motion starts then.
+        """
+        ...
+
+    def state(self) -> dict[str, Any]:
+        """What a resumed run needs to go on exactly (simulated rigs: pose, noise generator, clock); JSON."""
+        ...
+
+    def restore(self, state: dict[str, Any]) -> None: ...
+
+    def stop(self) -> None:
+        """Halt at once. May be called from another thread."""
+        ...
+
+    def close(self) -> None:
+        """Light off, motors as the config says, devices let go."""
+        ...
