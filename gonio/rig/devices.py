@@ -1,5 +1,6 @@
 """What a device must offer. `drivers` (real) and `sim` (simulated) are two families of these, peers of each other."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -68,7 +69,7 @@ class Light(Protocol):
 class Visited:
     """Measurements just made, M of them, in the order they were made.
 
-    index      (M,) which of the pairs asked for
+    ids        (M,) which of those asked for
     wi, wo     (M, 3) directions as achieved
     f, sigma   (M, C) BRDF in 1/sr (no cosine) and its standard deviation; NaN = could not be measured
     saturated  (M,)
@@ -76,7 +77,7 @@ class Visited:
     rig_s      (M,) rig seconds each took (motion + settle + exposure)
     """
 
-    index: NDArray[np.int64]
+    ids: NDArray[np.int64]
     wi: Array
     wo: Array
     f: Array
@@ -99,9 +100,11 @@ class Rig(Protocol):
         """Which pairs the rig can visit, decided before sampling; the support of the target. Touches no hardware."""
         ...
 
-    def visit(self, wi: Array, wo: Array):
+    def visit(self, wi: Array, wo: Array, ids: NDArray[np.int64]) -> Iterator[Visited]:
         """Measure every pair, in the order the rig finds cheapest: an iterator of `Visited`.
 
+        ids (M,) number the measurements of a run. A simulated rig draws the noise of a measurement from its id, so
+        that a resumed run, which may visit in another order, sees the very readings an uninterrupted one would.
         What one `Visited` holds is to be stored before the next is asked for: the next motion starts then.
         """
         ...

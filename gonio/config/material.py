@@ -1,0 +1,111 @@
+"""What a material's YAML may say: what is on the rig, how it is sampled, when to stop, what to make of it."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from gonio.config.loader import Section
+from gonio.config.plan import PlanConfig
+
+Share = Annotated[float, Field(ge=0, lt=1)]
+Plain = Literal["pss_simple", "pss_vndf", "vmf_io", "vmf_hd", "independence"]
+
+
+class Target(Section):
+    """The chain's target p ∝ s(f)^power cos θo, mixed with a floor where f is low (METHOD 1, 6)."""
+
+    channels: int | str = "max"
+    power: float = Field(1.0, gt=0, le=1)
+    floor: Share = 0.1
+
+    @field_validator("channels", mode="before")
+    @classmethod
+    def _known(cls, v: Any) -> Any:
+        number = isinstance(v, int) and not isinstance(v, bool) and v >= 0
+        if not number and v not in ("luminance", "mean", "max"):
+            raise ValueError("expected luminance, mean, max or a channel's number from 0")
+        return v
+
+
+class SamplerConfig(Section):
+    """Which proposal drives the chains, and its numbers. `sampler: thesis` is the 2024 thesis's own setting."""
+
+    proposal: Plain | Literal["auto", "flow", "delayed"] = "auto"
+    inner: Plain = Field("pss_simple", description="the proposal that `delayed` acceptance stands around")
+    chains: int = Field(1, ge=1, le=100_000)
+    sigma: float = Field(0.05, gt=0, le=1, description="local step, per coordinate of the unit cube")
+    global_share: float = Field(0.1, ge=0, le=1, description="share of steps drawn afresh")
+    boundary: Literal["reflect", "wrap"] = "reflect"
+    kappa: float = Field(400.0, ge=1e-3, le=1e6, description="concentration of the vMF proposals")
+    alpha: float = Field(0.1, ge=1e-4, le=1, description="GGX roughness of pss_vndf and independence")
+    alpha_y: float | None = Field(None, ge=1e-4, le=1, description="second roughness, anisotropic samples")
+    block: int = Field(64, ge=1, le=4096, description="independence proposals handed out at once")
+    adapt: bool = Field(True, description="refit the proposal while sampling (auto, flow)")
+    target: Target = Target()
+
+
+THESIS = {
+    "proposal": "pss_simple", "sigma": 0.05, "global_share": 0.1, "boundary": "wrap",
+    "target": {"channels": 0, "power": 1.0, "floor": 0.0},
+}  # fmt: skip
+
+
+class Budget(Section):
+    """When a run has spent enough, whichever comes first."""
+
+    measurements: int | None = Field(2000, ge=1, le=100_000_000)
+    rig_hours: float | None = Field(None, gt=0)
+
+
+class Stop(Section):
+    """When a run is good enough, whichever comes first."""
+
+    energy_error: float | None = Field(None, gt=0, lt=10, description="estimated share of reflected energy misplaced")
+    ess: float | None = Field(None, gt=0, description="effective samples of the chains together")
+    unmeasured: int = Field(50, ge=1, description="readings in a row that fail before the run gives up")
+
+
+class Reconstruct(Section):
+    model: Literal["auto", "thesis", "ggx", "lobes", "abc", "flow"] = "auto"
+
+
+class Material(Section):
+    """One sample on the rig and the run to make of it."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")
+    symmetry: Literal["isotropic", "anisotropic"] = "isotropic"
+    channels: tuple[str, ...] = Field(("R", "G", "B"), min_length=1, max_length=512)
+    truth: str | None = Field(None, description="the BRDF a simulated rig shows; a real rig refuses it")
+    seed: int = Field(0, ge=0, le=2**63 - 1)
+    sampler: SamplerConfig = SamplerConfig()
+    plan: PlanConfig = PlanConfig()
+    budget: Budget = Budget()
+    stop: Stop = Stop()
+    reconstruct: Reconstruct = Reconstruct()
+
+    @field_validator("sampler", mode="before")
+    @classmethod
+    def _presets(cls, v: Any) -> Any:
+        if isinstance(v, str):
+            if v != "thesis":
+                raise ValueError("expected `thesis` or a section with `proposal`")
+            return THESIS
+        return v
+
+    @field_validator("channels", mode="before")
+    @classmethod
+    def _count_of_channels(cls, v: Any) -> Any:
+        if isinstance(v, int) and not isinstance(v, bool) and 1 <= v <= 512:
+            return ("R", "G", "B") if v == 3 else tuple(f"c{i}" for i in range(v))
+        return v
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Material":
+        channel = self.sampler.target.channels
+        if isinstance(channel, int) and channel >= len(self.channels):
+            raise ValueError(f"sampler.target.channels is {channel}, but there are {len(self.channels)} channels (0 is the first)")
+        if channel == "luminance" and len(self.channels) != 3:
+            raise ValueError("sampler.target.channels: luminance needs three channels (linear RGB)")
+        if self.budget.measurements is None and self.budget.rig_hours is None and self.stop.energy_error is None and self.stop.ess is None:
+            raise ValueError("nothing would end this run; set budget.measurements, budget.rig_hours or stop.energy_error")
+        return self
