@@ -30,5 +30,5 @@ class Brdf(Protocol):
         ...
 
     def pdf(self, wi: Array, wo: Array) -> Array:
-        """Density of `sample` in solid angle of wo given wi, (N,); it may integrate to less than 1 (draws lost below)."""
+        """Density of `sample` in solid angle of wo given wi, (N,); its integral may be below 1 (draws lost below)."""
         ...

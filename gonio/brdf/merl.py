@@ -8,6 +8,7 @@ import os
 from typing import BinaryIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gonio.brdf.atomic import replacing
 from gonio.brdf.base import BrdfFileError
@@ -60,7 +61,7 @@ class MerlBrdf:
         return self._sampler.pdf(wi, wo)
 
 
-def bin_index(theta_h: Array, theta_d: Array, phi_d: Array) -> Array:
+def bin_index(theta_h: Array, theta_d: Array, phi_d: Array) -> NDArray[np.int64]:
     """Flat number of the bin of angles in radians, (N,)."""
     i = np.clip((np.sqrt(np.clip(theta_h / (np.pi / 2), 0, 1)) * 90).astype(int), 0, 89)
     j = np.clip((theta_d / (np.pi / 2) * 90).astype(int), 0, 89)
@@ -74,9 +75,7 @@ def read_merl(stream: BinaryIO, name: str) -> Array:
     stream.seek(0)
     dims = np.frombuffer(stream.read(12).ljust(12, b"\0"), "<i4")
     if size < 12 or tuple(dims) != SHAPE:
-        raise BrdfFileError(
-            f"{name}: byte 0: a MERL file starts with 90, 90, 180, this one with {tuple(dims.tolist())}"
-        )
+        raise BrdfFileError(f"{name}: byte 0: {tuple(dims.tolist())} where a MERL file has (90, 90, 180)")
     if size != SIZE:
         raise BrdfFileError(f"{name}: has {size} bytes, a MERL file has {SIZE}; truncated or corrupt, get it again")
     table = np.frombuffer(stream.read(SIZE - 12), "<f8").reshape(3, *SHAPE)

@@ -7,7 +7,7 @@ from gonio.geometry import Array
 
 
 class Mixture:
-    """f = the sum of `parts` (all with the same number of channels); wo is drawn from part k with probability share[k]."""
+    """f = the sum of `parts`, all with the same number of channels; part k draws wo with probability share[k]."""
 
     kind = "mixture"
 
@@ -53,9 +53,8 @@ class Mixture:
         parts = []
         for k, kind in enumerate(d["kinds"]):
             start = f"part{k}."
-            parts.append(
-                class_of(str(kind)).from_arrays({n[len(start) :]: v for n, v in d.items() if n.startswith(start)})
-            )
+            mine = {name[len(start) :]: v for name, v in d.items() if name.startswith(start)}
+            parts.append(class_of(str(kind)).from_arrays(mine))
         return cls(parts, d["share"])
 
 
