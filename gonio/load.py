@@ -14,7 +14,6 @@ from gonio.brdf.kinds import KINDS as MODEL_KINDS
 FORMAT_VERSION = 1
 
 KINDS = MODEL_KINDS | {
-    "thesis": "gonio.reconstruct.thesis:ThesisBrdf",
     "auto": "gonio.reconstruct.auto:AutoBrdf",
     "lobes": "gonio.reconstruct.lobes:LobesBrdf",
     "flow": "gonio.reconstruct.flow:FlowBrdf",

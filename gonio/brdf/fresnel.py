@@ -10,7 +10,7 @@ def schlick(c: Array, f0: Array) -> Array:
     return f0 + (1 - f0) * ((1 - np.clip(c, 0, 1)) ** 5)[:, None]
 
 
-def conductor(c: Array, eta: Array, k: Array) -> Array:
+def conductor(c: Array, eta, k) -> Array:
     """Exact unpolarised reflectance of a surface with refractive index eta + i k, (C,) each; k = 0 is a dielectric."""
     c = np.clip(c, 0, 1)[:, None]
     c2, s2 = c * c, 1 - c * c

@@ -11,11 +11,6 @@ KINDS = {
     "fitted": "gonio.brdf.fitted:FittedBrdf",
     "rgl": "gonio.brdf.rgl:RglBrdf",
     "slices": "gonio.brdf.slices:SlicesBrdf",
-    "thesis": "gonio.reconstruct.thesis:ThesisBrdf",
-    "auto": "gonio.reconstruct.auto:AutoBrdf",
-    "lobes": "gonio.reconstruct.lobes:LobesBrdf",
-    "flow": "gonio.reconstruct.flow:FlowBrdf",
-    "tabulated": "gonio.reconstruct.tabulate:TabulatedBrdf",
 }
 
 

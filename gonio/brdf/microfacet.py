@@ -29,8 +29,9 @@ class Microfacet:
         arrays = [np.atleast_1d(np.asarray(a, float)) for a in ((eta, k, weight) if conducting else (f0, weight))]
         arrays = [np.array(a) for a in np.broadcast_arrays(*arrays)]
         self.weight = arrays[-1]
-        self.eta, self.k = (arrays[0], arrays[1]) if conducting else (None, None)
-        self.f0 = None if conducting else arrays[0]
+        self.f0: Array | None = None if conducting else arrays[0]
+        self.eta: Array | None = arrays[0] if conducting else None
+        self.k: Array | None = arrays[1] if conducting else None
 
     @property
     def channels(self) -> int:
@@ -43,7 +44,7 @@ class Microfacet:
         a, b = wi[above], wo[above]
         h = half_vector(a, b)
         c = np.einsum("ni,ni->n", a, h)
-        fresnel = conductor(c, self.eta, self.k) if self.eta is not None else schlick(c, self.f0)
+        fresnel = schlick(c, self.f0) if self.f0 is not None else conductor(c, self.eta, self.k)
         shape = self.ndf.d(h) / ((1 + self.ndf.smith_lambda(a) + self.ndf.smith_lambda(b)) * 4 * a[:, 2] * b[:, 2])
         out[above] = self.weight * fresnel * shape[:, None]
         return out

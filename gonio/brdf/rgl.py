@@ -26,6 +26,8 @@ class RglBrdf:
     Negative colours (out of gamut) are 0. Raises BrdfFileError where a field is missing, misshapen or not a number.
     """
 
+    kind = "rgl"
+
     def __init__(self, fields: dict[str, Array], name: str = "RGL table"):
         colours = check_fields(fields, name)
         self.fields, self.name = fields, name
@@ -58,6 +60,13 @@ class RglBrdf:
     @property
     def channels(self) -> int:
         return self.colour.channels
+
+    def to_arrays(self) -> dict[str, Array]:
+        return dict(self.fields)
+
+    @classmethod
+    def from_arrays(cls, d: dict[str, Array]) -> "RglBrdf":
+        return cls(d)
 
     def eval(self, wi: Array, wo: Array) -> Array:
         """f (N, C) in 1/sr: the table's value over cos(theta_o)."""
@@ -121,14 +130,9 @@ class RglBrdf:
             sign = np.where(flip, -1.0, 1.0)
             signs = np.stack([sign, sign, np.ones(len(wi))], -1)
         else:
-            signs = np.stack(
-                [
-                    np.where(wi[:, k] * towards < 0, -1.0, 1.0)
-                    for k, towards in enumerate((np.cos(middle), np.sin(middle)))
-                ]
-                + [np.ones(len(wi))],
-                -1,
-            )
+            x = np.where(wi[:, 0] * np.cos(middle) < 0, -1.0, 1.0)
+            y = np.where(wi[:, 1] * np.sin(middle) < 0, -1.0, 1.0)
+            signs = np.stack([x, y, np.ones(len(wi))], -1)
         return wi * signs, wo * signs
 
     def _incidence(self, wi: Array) -> tuple[Corners, Array]:
@@ -190,10 +194,8 @@ def check_fields(fields: dict[str, Array], name: str) -> str:
     for key in ("theta_i", "phi_i", "wavelengths"):
         if key in rank and np.any(np.diff(fields[key]) <= 0):
             raise bad(key, "is not ascending")
-    if (
-        fields["theta_i"].min() < -1e-3
-        or fields["theta_i"].max() > np.pi / 2 + 1e-3
-        or np.abs(fields["phi_i"]).max() > 7
-    ):
-        raise bad("theta_i", "or 'phi_i' lies outside the hemisphere")
+    if fields["theta_i"].min() < -1e-3 or fields["theta_i"].max() > np.pi / 2 + 1e-3:
+        raise bad("theta_i", "lies outside 0..pi/2")
+    if np.abs(fields["phi_i"]).max() > 2 * np.pi + 1e-3:
+        raise bad("phi_i", "lies outside -2pi..2pi")
     return colours
