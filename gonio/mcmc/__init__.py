@@ -1,0 +1,21 @@
+"""Ask/tell Metropolis-Hastings: the chain that decides where to look. Knows nothing of rigs, files or clocks."""
+
+from gonio.mcmc.sampler import Batch, NoSupport, Sampler
+
+__all__ = ["Batch", "NoSupport", "Sampler", "make_sampler"]
+
+
+def make_sampler(material, reachable=None, fit_surrogate=None) -> Sampler:
+    """The sampler that a `config.Material` describes. reachable and fit_surrogate as in `Sampler` and `make_plan`."""
+    from gonio.mcmc.plans import make_plan, make_target
+
+    c, anisotropic = material.sampler, material.symmetry == "anisotropic"
+    return Sampler(
+        make_plan(c, anisotropic, fit_surrogate),
+        make_target(c, len(material.channels)),
+        chains=c.chains,
+        channels=len(material.channels),
+        seed=material.seed,
+        anisotropic=anisotropic,
+        reachable=reachable,
+    )

@@ -1,0 +1,20 @@
+"""Proposals, one a file.
+
+A proposal works in coordinates `u` of its own, (n, chains). It offers
+
+    uniforms, normals           how many random numbers one step takes
+    propose(u, uniform, normal) -> u_new, kind
+                                 symmetric in u: the density of going there equals that of coming back; u = None
+                                 where the chain has no state yet
+    to_directions(u)             -> wi, wo, (N, 3)
+    from_directions(wi, wo)      -> u, its inverse up to the symmetries of the surface
+    log_jacobian(u)              log |d(wi, wo) / du|, solid angles (isotropic: up to a constant)
+
+so that a move is accepted with min(1, W(u_new) / W(u)), W = p(wi, wo) |d(wi, wo) / du| (METHOD 2). An independence
+proposal draws u_new afresh from a density q(wi, wo); its coordinates are the directions themselves and its
+`log_jacobian` is -log q: the same formula then is the ratio of importance weights.
+`kind` (N,) says for the log what each move was: LOCAL, GLOBAL, INDEPENDENCE.
+"""
+
+LOCAL, GLOBAL, INDEPENDENCE, PILOT = 0, 1, 2, 3
+KINDS = ("local", "global", "independence", "pilot")

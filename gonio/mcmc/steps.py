@@ -1,0 +1,75 @@
+"""The step log: one row per step of every chain, measured or free."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gonio.geometry import Array
+from gonio.mcmc.proposals import PILOT
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Rows in the order chains settled them; step counts from 0 in each chain.
+
+    kind      index into `gonio.mcmc.proposals.KINDS`
+    id        the measurement, -1 for a proposal settled free of charge
+    accepted  whether the chain moved there
+    log_q     log density of the draw in solid angles of (wi, wo) (isotropic: up to a constant); NaN for local moves
+    state     measurement the chain is at after the step, -1 before it has found the support
+    log_p     log of the target there (unnormalised, as it was at this step): f cos / exp(log_p) is the importance
+              weight that turns an average over states into one over f cos
+    """
+
+    chain: NDArray[np.int32]
+    step: NDArray[np.int64]
+    kind: NDArray[np.int8]
+    id: NDArray[np.int64]
+    accepted: NDArray[np.bool_]
+    log_q: Array
+    state: NDArray[np.int64]
+    log_p: Array
+
+    def __len__(self) -> int:
+        return len(self.step)
+
+    @classmethod
+    def concatenate(cls, parts: list["Steps"]) -> "Steps":
+        return cls(*(np.concatenate([getattr(p, k.name) for p in parts]) for k in fields(cls))) if parts else cls.empty()
+
+    @classmethod
+    def empty(cls) -> "Steps":
+        types = (np.int32, np.int64, np.int8, np.int64, bool, float, np.int64, float)
+        return cls(*(np.empty(0, t) for t in types))
+
+
+class StepLog:
+    """Collects columns of steps, all chains at once, and hands them out as `Steps`."""
+
+    def __init__(self, chains: int):
+        self.chains = np.arange(chains, dtype=np.int32)
+        self._columns: list[tuple] = []
+        self._pilot: list[Steps] = []
+
+    def add(self, step: int, kind, id, accepted, log_q, state, log_p) -> None:
+        """One column; the arrays become the log's own."""
+        self._columns.append((step, kind, id, accepted, log_q, state, log_p))
+
+    def add_pilot(self, ids: NDArray[np.int64], log_q: Array) -> None:
+        """Measurements made before any chain moved: rows of chain 0 with steps below 0."""
+        n = len(ids)
+        zeros, none = np.zeros(n, np.int32), np.full(n, -1, np.int64)
+        kind, no = np.full(n, PILOT, np.int8), np.zeros(n, bool)
+        self._pilot.append(Steps(zeros, np.arange(-n, 0), kind, ids, no, log_q, none, np.full(n, np.nan)))
+
+    def take(self) -> Steps:
+        """All rows since the last call."""
+        columns, self._columns = self._columns, []
+        pilot, self._pilot = self._pilot, []
+        if not columns:
+            return Steps.concatenate(pilot)
+        step, *rest = zip(*columns)
+        n = len(self.chains)
+        rows = Steps(np.tile(self.chains, len(step)), np.repeat(np.array(step, np.int64), n), *map(np.concatenate, rest))
+        return Steps.concatenate([*pilot, rows]) if pilot else rows

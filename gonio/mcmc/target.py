@@ -1,0 +1,64 @@
+"""The chain's target p(wi, wo) ∝ (s(f)^power + floor) cos theta_o (METHOD 1 and 6).
+
+s is one number made of the channels: one of them, their luminance, their mean, or the largest after each is divided
+by its own albedo ("max": every channel's features are seen, however dark it is). The floor is a constant chosen so
+that the given share of the draws comes from it, where f is low. Weights f cos / p are stored with every step, so that
+integrals and fits are right for any target.
+"""
+
+import numpy as np
+
+from gonio.geometry import Array
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709, linear RGB
+TINY = 1e-300
+
+
+class Target:
+    """log p for BRDF values (N, C) and cos theta_o. `rescale` sets the albedos and the floor from what was measured."""
+
+    def __init__(self, channels: int | str, power: float, floor: float, count: int):
+        self.channels, self.power, self.floor_share = channels, power, floor
+        self.inverse_albedo = np.ones(count)
+        self.floor = 0.0
+
+    @property
+    def needs_scale(self) -> bool:
+        """Whether log_prob depends on `rescale`."""
+        return self.channels == "max" or self.floor_share > 0
+
+    def scalar(self, f: Array) -> Array:
+        """s(f)^power, (N,); negative readings count as 0 (the bias this makes is in docs/sampling.md)."""
+        f = np.maximum(f, 0)
+        if isinstance(self.channels, int):
+            s = f[:, self.channels]
+        elif self.channels == "luminance":
+            s = f @ LUMINANCE
+        elif self.channels == "mean":
+            s = f.mean(1)
+        else:
+            s = f[:, 0] * self.inverse_albedo[0]
+            for c in range(1, f.shape[1]):
+                s = np.maximum(s, f[:, c] * self.inverse_albedo[c])
+        return s if self.power == 1 else s**self.power
+
+    def log_prob(self, f: Array, cos_o: Array) -> Array:
+        """log p up to a constant, (N,); -inf nowhere: a tiny number stands for 0 so that no NaN can arise."""
+        return np.log((self.scalar(f) + self.floor) * cos_o + TINY)
+
+    def rescale(self, f: Array, cos_o: Array, log_q: Array) -> None:
+        """Albedos and floor from draws (N,) of density exp(log_q): importance estimates of ∫∫ f cos and ∫∫ s cos."""
+        w = np.exp(-(log_q - log_q.min())) * cos_o
+        total = np.maximum(f, 0).T @ w
+        if total.max() <= 0:
+            return
+        # a channel that is nearly dead is not blown up beyond a thousandth of the brightest
+        self.inverse_albedo = total.max() / np.maximum(total, 1e-3 * total.max())
+        mean = (self.scalar(f) @ w) / w.sum()
+        self.floor = self.floor_share / (1 - self.floor_share) * mean
+
+    def state(self) -> dict:
+        return {"inverse_albedo": self.inverse_albedo.copy(), "floor": self.floor}
+
+    def restore(self, state: dict) -> None:
+        self.inverse_albedo, self.floor = np.array(state["inverse_albedo"]), float(state["floor"])

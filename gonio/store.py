@@ -1,0 +1,249 @@
+"""The run folder: one SQLite file (WAL) that holds all that was measured, and what it takes to go on.
+
+    runs/<material>/<UTC stamp>-<short id>/   config.yaml  run.sqlite  log.txt  brdf.npz  brdf.bsdf  report.html
+
+A measurement is on disk before the next motion of a real rig begins (`synchronous=FULL`); an ideal rig, whose motions
+take no time, commits at most 50 ms apart. No state of the chain is kept: what a chain does follows from its seed and
+the answers it got, so that telling it the stored answers again makes it the chain it was (gonio.acquire.replay).
+"""
+
+import contextlib
+import fcntl
+import json
+import os
+import sqlite3
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gonio.geometry import Array
+
+FORMAT = 1
+SCHEMA = """
+CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE measurements (
+  id INTEGER PRIMARY KEY,      -- the sampler's number
+  asked BLOB NOT NULL,         -- wi, wo as proposed, 6 float64
+  seen BLOB NOT NULL,          -- wi, wo as achieved
+  f BLOB NOT NULL,             -- C float64, 1/sr, no cosine; NaN = could not be measured
+  sigma BLOB NOT NULL,
+  saturated INTEGER NOT NULL,
+  raw TEXT,                    -- JSON: what the detector itself said
+  rig_s REAL NOT NULL,         -- rig seconds it took
+  wall_s REAL NOT NULL         -- since the run began
+);
+CREATE TABLE steps (
+  chain INTEGER, step INTEGER, kind INTEGER, id INTEGER, accepted INTEGER, log_q REAL, state INTEGER, log_p REAL,
+  PRIMARY KEY (chain, step)
+) WITHOUT ROWID;
+CREATE TABLE events (wall_s REAL, kind TEXT, text TEXT);
+"""
+
+
+class StoreError(Exception):
+    """A run folder that cannot be used or written: which, why, what to do. One line; exit code 2."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All measurements of a run in order of id, M of them; see the schema for units."""
+
+    id: NDArray[np.int64]
+    asked: Array  # (M, 6)
+    seen: Array  # (M, 6)
+    f: Array  # (M, C)
+    sigma: Array
+    saturated: NDArray[np.bool_]
+    rig_s: Array
+    wall_s: Array
+
+
+class Store:
+    """An open run. `create` makes the folder, `open` goes on with one; both hold its lock until `close`."""
+
+    def __init__(self, folder: Path, db: sqlite3.Connection, lock: int | None, commit_interval: float):
+        self.folder, self._db, self._lock, self._interval = folder, db, lock, commit_interval
+        self._began = time.monotonic()
+        self._last_commit = self._began
+        self._wall_before = 0.0
+
+    @classmethod
+    def create(cls, folder: str | os.PathLike[str], config_yaml: str, provenance: dict[str, Any], commit_interval: float = 0.0) -> "Store":
+        """A new run. Raises StoreError where the folder exists or cannot be made."""
+        folder = Path(folder)
+        try:
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            folder.mkdir()
+        except FileExistsError:
+            raise StoreError(f"{folder}: exists already; name a new folder with --out, or go on with `gonio resume {folder}`") from None
+        except OSError as e:
+            raise StoreError(f"{folder}: {e.strerror}; name another folder with --out") from None
+        try:
+            with _explained(folder):
+                lock = _take_lock(folder)
+                (folder / "config.yaml").write_text(config_yaml)
+                db = _connect(folder / "run.sqlite")
+                db.executescript(SCHEMA)
+                meta = {"format": FORMAT, "provenance": provenance, "rig": {}, "ended": ""}
+                db.executemany("INSERT INTO meta VALUES (?, ?)", [(k, json.dumps(v)) for k, v in meta.items()])
+                db.commit()
+        except StoreError:
+            _remove(folder)  # nothing half-written
+            raise
+        return cls(folder, db, lock, commit_interval)
+
+    @classmethod
+    def open(cls, folder: str | os.PathLike[str], *, write: bool, commit_interval: float = 0.0) -> "Store":
+        """An existing run, to read or to go on with. Raises StoreError: no run, newer format, in use, damaged."""
+        folder = Path(folder)
+        path = folder / "run.sqlite"
+        if not path.is_file():
+            raise StoreError(f"{folder}: not a run folder (no run.sqlite in it); name one that `gonio acquire` made")
+        with _explained(folder):
+            lock = _take_lock(folder) if write else None
+            try:
+                db = _connect(path)
+                found = json.loads(db.execute("SELECT value FROM meta WHERE key = 'format'").fetchone()[0])
+            except BaseException:
+                if lock is not None:
+                    os.close(lock)
+                raise
+        if found > FORMAT:
+            db.close()
+            if lock is not None:
+                os.close(lock)
+            raise StoreError(f"{folder}: written by a newer gonio (run format {found}, this one reads {FORMAT}); update gonio")
+        store = cls(folder, db, lock, commit_interval)
+        store._wall_before = db.execute("SELECT coalesce(max(wall_s), 0) FROM measurements").fetchone()[0]
+        return store
+
+    # ---- writing ---------------------------------------------------------------------------------------------------
+
+    def add(self, ids, asked: Array, seen: Array, f: Array, sigma: Array, saturated, raw, rig_s) -> None:
+        """Measurements (M rows), as in `Measured`; on disk on return unless a commit interval was given."""
+        wall = self.wall_s()
+        texts = [json.dumps(r) for r in raw] if len(raw) else [None] * len(ids)
+        rows = [
+            (int(i), a.tobytes(), s.tobytes(), v.tobytes(), e.tobytes(), int(sat), text, float(t), wall)
+            for i, a, s, v, e, sat, text, t in zip(ids, asked, seen, f, sigma, saturated, texts, rig_s)
+        ]
+        with _explained(self.folder):
+            self._db.executemany("INSERT INTO measurements VALUES (?,?,?,?,?,?,?,?,?)", rows)
+        self._maybe_commit()
+
+    def add_steps(self, steps) -> None:
+        """Rows of the step log (`gonio.mcmc.steps.Steps`); a row written before is written again, the same."""
+        if len(steps):
+            columns = [getattr(steps, k.name).tolist() for k in fields(steps)]
+            with _explained(self.folder):
+                self._db.executemany("INSERT OR REPLACE INTO steps VALUES (?,?,?,?,?,?,?,?)", zip(*columns))
+
+    def event(self, kind: str, text: str) -> None:
+        """A line for the record: started, resumed, fault, stopped …; also in log.txt."""
+        with _explained(self.folder):
+            self._db.execute("INSERT INTO events VALUES (?,?,?)", (self.wall_s(), kind, text))
+            with open(self.folder / "log.txt", "a") as log:
+                log.write(f"{time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())} {kind}: {text}\n")
+
+    def put(self, key: str, value: Any) -> None:
+        with _explained(self.folder):
+            self._db.execute("INSERT OR REPLACE INTO meta VALUES (?,?)", (key, json.dumps(value)))
+
+    def commit(self) -> None:
+        with _explained(self.folder):
+            self._db.commit()
+        self._last_commit = time.monotonic()
+
+    def _maybe_commit(self) -> None:
+        if time.monotonic() - self._last_commit >= self._interval:
+            self.commit()
+
+    # ---- reading ---------------------------------------------------------------------------------------------------
+
+    def get(self, key: str, default: Any = None) -> Any:
+        with _explained(self.folder):
+            row = self._db.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
+        return default if row is None else json.loads(row[0])
+
+    def measured(self) -> Measured:
+        with _explained(self.folder):
+            rows = self._db.execute("SELECT id, asked, seen, f, sigma, saturated, rig_s, wall_s FROM measurements ORDER BY id").fetchall()
+        columns = list(zip(*rows)) if rows else [()] * 8
+        numbers = [np.frombuffer(b"".join(c)).reshape(len(rows), -1) if rows else np.empty((0, n)) for c, n in zip(columns[1:5], (6, 6, 1, 1))]
+        ids, saturated, rig_s, wall_s = (np.array(columns[k], t) for k, t in ((0, np.int64), (5, bool), (6, float), (7, float)))
+        return Measured(ids, *numbers, saturated, rig_s, wall_s)
+
+    def steps(self) -> dict[str, NDArray]:
+        """Columns of the step log, ordered by chain and step."""
+        names = ("chain", "step", "kind", "id", "accepted", "log_q", "state", "log_p")
+        with _explained(self.folder):
+            rows = self._db.execute(f"SELECT {', '.join(names)} FROM steps ORDER BY chain, step").fetchall()
+        columns = zip(*rows) if rows else [()] * len(names)
+        types = (np.int64, np.int64, np.int8, np.int64, bool, float, np.int64, float)
+        return {n: np.array(c, dtype=t) for n, c, t in zip(names, columns, types)}
+
+    def events(self) -> list[tuple[float, str, str]]:
+        with _explained(self.folder):
+            return self._db.execute("SELECT wall_s, kind, text FROM events ORDER BY rowid").fetchall()
+
+    def wall_s(self) -> float:
+        """Seconds the run has been worked on, over all its sessions."""
+        return self._wall_before + time.monotonic() - self._began
+
+    def close(self) -> None:
+        try:
+            self.commit()
+        finally:
+            self._db.close()
+            if self._lock is not None:
+                os.close(self._lock)
+                self._lock = None
+
+    def __enter__(self) -> "Store":
+        return self
+
+    def __exit__(self, *exc) -> None:
+        self.close()
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    db = sqlite3.connect(path, timeout=5, check_same_thread=False)
+    db.execute("PRAGMA journal_mode=WAL")
+    db.execute("PRAGMA synchronous=FULL")
+    return db
+
+
+def _take_lock(folder: Path) -> int:
+    """One writer a run: an advisory lock that dies with its process, however that ends."""
+    fd = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(fd)
+        raise StoreError(f"{folder}: in use by another process; wait for it or stop it, then try again") from None
+    return fd
+
+
+@contextlib.contextmanager
+def _explained(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except sqlite3.OperationalError as e:
+        cause = str(e)
+        remedy = "free some space, then `gonio resume` goes on with what was stored" if "full" in cause or "I/O" in cause else "check the folder"
+        raise StoreError(f"{folder}/run.sqlite: {cause}; {remedy}") from None
+    except (sqlite3.DatabaseError, TypeError, json.JSONDecodeError) as e:
+        raise StoreError(f"{folder}/run.sqlite: damaged or not a run ({e}); restore it from a copy") from None
+    except OSError as e:
+        raise StoreError(f"{folder}: {e.strerror}; check space and permissions") from None
+
+
+def _remove(folder: Path) -> None:
+    for path in folder.iterdir():
+        path.unlink()
+    folder.rmdir()
