@@ -65,7 +65,8 @@ class Microfacet:
 
     def to_arrays(self) -> dict[str, Array]:
         d = {"alpha": np.array([self.ndf.alpha_x, self.ndf.alpha_y]), "weight": self.weight}
-        return d | ({"f0": self.f0} if self.f0 is not None else {"eta": self.eta, "k": self.k})
+        fresnel = {"f0": self.f0, "eta": self.eta, "k": self.k}
+        return d | {key: v for key, v in fresnel.items() if v is not None}
 
     @classmethod
     def from_arrays(cls, d: dict[str, Array]):

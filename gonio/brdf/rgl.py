@@ -99,7 +99,7 @@ class RglBrdf:
         corners, phi = self._incidence(a)
         s, t, p = self.luminance.sample(u[:, 0], u[:, 1], corners)
         x, y, q = self.vndf.sample(s, t, corners)
-        theta, azimuth = np.pi / 2 * x * x, np.pi * (2 * y - 1) + phi
+        theta, azimuth = np.pi / 2 * x * x, np.pi * (2 * y - 1) + (phi if self.isotropic else 0)
         h = np.stack([np.sin(theta) * np.cos(azimuth), np.sin(theta) * np.sin(azimuth), np.cos(theta)], -1)
         b = reflect(a, h)
         density = p * q / _half_jacobian(x, a, h)
