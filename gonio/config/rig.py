@@ -1,0 +1,212 @@
+"""What a rig's YAML may say: its depth of simulation, geometry, axes, detector, faults, and where its calibration lies.
+
+Angles are in degrees here and nowhere below; every key that has a unit names it.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from gonio.config.loader import Section
+
+Degrees = Annotated[float, Field(ge=-3600, le=3600)]
+Vector = tuple[float, float, float]
+
+
+class AxisConfig(Section):
+    """One joint. counts_per_turn 0 = continuous. offset_deg is what the encoder shows at the joint's zero."""
+
+    lower_deg: Degrees
+    upper_deg: Degrees
+    velocity_deg_s: float = Field(60.0, gt=0, le=3600)
+    acceleration_deg_s2: float = Field(120.0, gt=0, le=36000)
+    counts_per_turn: int = Field(4096, ge=0, le=2**31 - 1)
+    backlash_deg: float = Field(0.0, ge=0, le=10)
+    offset_deg: Degrees = 0.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "AxisConfig":
+        if self.upper_deg - self.lower_deg < 1:
+            raise ValueError(
+                f"upper_deg ({self.upper_deg:g}) must lie at least 1 degree above lower_deg ({self.lower_deg:g})"
+            )
+        return self
+
+
+class Gantry(Section):
+    """Light arm over a turntable, detector arm on its own azimuth. Axes light, turntable, detector, azimuth."""
+
+    kind: Literal["gantry"] = "gantry"
+
+
+class Gimbal(Section):
+    """Fixed light, sample in a gimbal, detector on a swing arm. Axes yaw, tilt, roll, detector."""
+
+    kind: Literal["gimbal"] = "gimbal"
+
+
+class JointConfig(Section):
+    """A revolute joint of a chain: the axis it turns about, in the frame of the joint before it."""
+
+    axis: Vector
+    name: str = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _has_length(self) -> "JointConfig":
+        if not sum(a * a for a in self.axis) > 1e-12:
+            raise ValueError("axis must not be the zero vector")
+        return self
+
+
+class Chain(Section):
+    """Any rig of revolute joints whose axes meet at the sample; solved from `nearest`, the closed form most like it.
+
+    Each list runs from the base to the part. A part's rest direction is where it points with every joint at 0.
+    """
+
+    kind: Literal["chain"] = "chain"
+    nearest: Literal["gantry", "gimbal"] = "gantry"
+    light: tuple[JointConfig, ...] = ()
+    detector: tuple[JointConfig, ...] = ()
+    sample: tuple[JointConfig, ...] = ()
+    light_rest: Vector = (0.0, 0.0, 1.0)
+    detector_rest: Vector = (0.0, 0.0, 1.0)
+    normal_rest: Vector = (0.0, 0.0, 1.0)
+
+
+GANTRY_AXES = ("light", "turntable", "detector", "azimuth")
+GIMBAL_AXES = ("yaw", "tilt", "roll", "detector")
+
+
+class Acceptance(Section):
+    """Half-angles of the cones that light fills and the detector sees, as the sample sees them; 0 = a point."""
+
+    light_half_angle_deg: float = Field(0.0, ge=0, le=20)
+    detector_half_angle_deg: float = Field(0.0, ge=0, le=20)
+
+
+class PhotodiodeConfig(Section):
+    """Noise and range of the detector, in units of its signal from a white diffuser lit and seen at the normal (f = 1/pi)."""
+
+    shot_noise: float = Field(0.005, ge=0, le=1, description="relative, at signal 1; grows as the root of the signal")
+    read_noise: float = Field(1e-4, ge=0, le=1, description="per reading")
+    bits: int = Field(16, ge=1, le=32, description="of the converter; see `ranges`")
+    ranges: int = Field(3, ge=1, le=8)
+    range_factor: float = Field(30.0, gt=1, le=1e4)
+    full_scale: float = Field(2.0, gt=0, description="of the lowest range")
+    dark: float = Field(1e-3, description="signal without light")
+    nonlinearity: float = Field(0.0, ge=-0.1, le=0.1, description="relative deviation at the full scale of a range")
+    footprint: Literal["overfilled", "underfilled"] = Field(
+        "overfilled", description="overfilled: the light covers more than the detector sees; underfilled: less"
+    )
+
+
+class LightConfig(Section):
+    """The lamp. warm_up_s is waited for once after it is switched on."""
+
+    warm_up_s: float = Field(0.0, ge=0)
+    drift_per_h: float = Field(0.0, ge=-1, le=1, description="simulated: relative change of the lamp in an hour")
+
+
+class FaultsConfig(Section):
+    """Simulated rigs only: share of events that go wrong, each by its own cause."""
+
+    stuck_axis: float = Field(0.0, ge=0, le=1, description="a move in which one axis stays where it is")
+    droop_deg: float = Field(0.0, ge=0, le=5, description="how far a servo stops short, at most")
+    silent_detector: float = Field(0.0, ge=0, le=1, description="a reading that never comes")
+    spike: float = Field(0.0, ge=0, le=1, description="a reading far above the truth")
+
+
+class CalibrationFiles(Section):
+    """Files written by `gonio calibrate`, relative to the rig's YAML; none = nominal geometry, unit gain."""
+
+    camera: str | None = None
+    geometry: str | None = None
+    radiometry: str | None = None
+    max_age_days: float | None = Field(None, gt=0)
+
+
+class PortConfig(Section):
+    """A serial device by its stable USB id (/dev/serial/by-id/...)."""
+
+    port: str = Field(min_length=1)
+    baud: int = Field(115200, ge=1200, le=10_000_000)
+
+
+class ServoBusConfig(PortConfig):
+    """Dynamixel servos on one bus: axis name -> servo id. Torque after a fault: held or released."""
+
+    baud: int = Field(1_000_000, ge=1200, le=10_000_000)
+    ids: dict[str, Annotated[int, Field(ge=0, le=252)]]
+    model: Literal["XM430-W350", "XM430-W210", "XL430-W250", "XH430-W350"] = "XM430-W350"
+    after_fault: Literal["hold", "release"] = "hold"
+    watchdog_s: float = Field(0.5, ge=0.02, le=2.54)
+
+
+class CameraConfig(Section):
+    """A V4L2 camera; instead of or beside the photodiode."""
+
+    device: str = Field(min_length=1)
+    width: int = Field(1280, ge=16)
+    height: int = Field(720, ge=16)
+    exposure_s: tuple[Annotated[float, Field(gt=0, le=10)], ...] = (0.001, 0.008, 0.064)
+    gain: float = 0.0
+
+
+class DevicesConfig(Section):
+    """Where the devices of a real rig are. A rig of depth `wire` finds its emulators by itself."""
+
+    stage: ServoBusConfig | None = None
+    photodiode: PortConfig | None = None
+    light: PortConfig | None = None
+    camera: CameraConfig | None = None
+
+
+class RigConfig(Section):
+    """One rig."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")
+    depth: Literal["ideal", "devices", "wire", "real"]
+    kinematics: Gantry | Gimbal | Chain = Field(Gantry(), discriminator="kind")
+    axes: dict[str, AxisConfig]
+    park_deg: dict[str, Degrees] = Field(default_factory=dict, description="pose of rest; axes not named rest at 0")
+    settle_s: float = Field(0.10, ge=0, le=60)
+    exposure_s: float = Field(0.020, gt=0, le=600)
+    stay_out_deg: float = Field(8.0, ge=0, le=45, description="around retro-reflection, where one arm shades the other")
+    use_achieved: bool = Field(True, description="the chain judges the directions reached, not those asked for")
+    clock_scale: float = Field(1.0, ge=1, le=1e6, description="wire emulators only: how much faster than life they run")
+    acceptance: Acceptance = Acceptance()
+    photodiode: PhotodiodeConfig = PhotodiodeConfig()
+    light: LightConfig = LightConfig()
+    faults: FaultsConfig = FaultsConfig()
+    devices: DevicesConfig = DevicesConfig()
+    calibration: CalibrationFiles = CalibrationFiles()
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """Names of the axes in the order of a pose."""
+        k = self.kinematics
+        if isinstance(k, Chain):
+            return tuple(dict.fromkeys(j.name for j in (*k.light, *k.sample, *k.detector)))
+        return GANTRY_AXES if isinstance(k, Gantry) else GIMBAL_AXES
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "RigConfig":
+        names = self.axis_names
+        if set(self.axes) != set(names):
+            raise ValueError(
+                f"axes: a {self.kinematics.kind} has {', '.join(names)}; found {', '.join(self.axes) or 'none'}"
+            )
+        for name, angle in self.park_deg.items():
+            if name not in names:
+                raise ValueError(f"park_deg.{name}: no such axis; they are {', '.join(names)}")
+            if not self.axes[name].lower_deg <= angle <= self.axes[name].upper_deg:
+                raise ValueError(f"park_deg.{name}: {angle:g} lies outside the axis's limits")
+        if self.depth == "real":
+            if self.devices.stage is None or (self.devices.photodiode is None and self.devices.camera is None):
+                raise ValueError("devices: a real rig needs a stage and a photodiode or a camera")
+            if self.faults != FaultsConfig():
+                raise ValueError("faults: a real rig has its own; leave this section out")
+        if self.devices.stage is not None and set(self.devices.stage.ids) != set(names):
+            raise ValueError(f"devices.stage.ids: one servo for each of {', '.join(names)}")
+        return self

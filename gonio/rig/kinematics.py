@@ -1,0 +1,95 @@
+"""Poses of a rig <-> directions in the sample's frame, in closed form.
+
+A pose is (A,) radians in the order of `names`; directions are unit vectors with z = the sample's normal. `inverse`
+gives every pose (branch) that shows a pair, regardless of limits; angles are in (-pi, pi] and the caller adds turns.
+
+At a pole (light or detector on the normal) one angle means nothing: it keeps the value it has in `near`.
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from gonio.geometry import Array, from_angles
+
+POLE = 1e-12  # sin(theta) below which an azimuth is rounding noise
+
+
+class Kinematics(Protocol):
+    """One geometry of rig. `arms` (A,) marks the axes that change the angle between the two arms."""
+
+    names: tuple[str, ...]
+    arms: np.ndarray
+
+    def forward(self, pose: Array) -> tuple[Array, Array]:
+        """(wi, wo), each (..., 3), of poses (..., A)."""
+        ...
+
+    def inverse(self, wi: Array, wo: Array, near: Array) -> Array:
+        """(N, B, A) poses that show (wi, wo), each (N, 3); near (A,) decides what is free. NaN = no such branch."""
+        ...
+
+    def inverse_isotropic(self, wi: Array, wo: Array, near: Array) -> Array:
+        """As `inverse`, of the pair turned about the normal to where `near` has the sample, and of its mirror image."""
+        ...
+
+
+class Gantry:
+    """Light arm over a turntable, detector arm on an azimuth of its own; both arms are signed.
+
+    theta_i = |light|, phi_i = -turntable (+ pi if light < 0); theta_o = |detector|, phi_o = azimuth - turntable
+    (+ pi if detector < 0).
+    """
+
+    names = ("light", "turntable", "detector", "azimuth")
+    arms = np.array([True, False, True, True])
+
+    def forward(self, pose: Array) -> tuple[Array, Array]:
+        light, table, detector, azimuth = np.moveaxis(np.asarray(pose, float), -1, 0)
+        return from_angles(light, -table), from_angles(detector, azimuth - table)
+
+    def inverse(self, wi: Array, wo: Array, near: Array) -> Array:
+        theta_i, phi_i, pole_i = _polar(wi)
+        theta_o, phi_o, pole_o = _polar(wo)
+        table = _PI_L - phi_i
+        if pole_i.any():
+            table = np.where(pole_i, near[1], table)
+        return _branches(theta_i, table, theta_o, phi_o + table + _PI_D, pole_o, near)
+
+    def inverse_isotropic(self, wi: Array, wo: Array, near: Array) -> Array:
+        theta_i, phi_i, pole_i = _polar(wi)
+        theta_o, phi_o, pole_o = _polar(wo)
+        phi = phi_o - phi_i
+        poses = _branches(theta_i, near[1], theta_o, phi + _PI_LD, pole_i | pole_o, near)
+        mirrored = poses.copy()
+        mirrored[:, :, 3] *= -1
+        return np.concatenate([poses, mirrored], 1)
+
+
+# the four branches, as columns (4, 1): light arm +, +, -, -; detector arm +, -, +, -
+_SIGN_L = np.array([[1.0], [1.0], [-1.0], [-1.0]])
+_SIGN_D = np.array([[1.0], [-1.0], [1.0], [-1.0]])
+_PI_L = np.pi * (_SIGN_L < 0)
+_PI_D = np.pi * (_SIGN_D < 0)
+_PI_LD = np.pi * (_SIGN_L != _SIGN_D)
+_TURN = 2 * np.pi
+
+
+def _branches(theta_i: Array, table, theta_o: Array, azimuth: Array, pole: np.ndarray, near: Array) -> Array:
+    """Poses (N, 4, 4) from columns (4, N), angles brought to [-pi, pi]; at a pole the azimuth stays at `near`'s."""
+    poses = np.empty((4, 4, len(theta_i)))  # axis, branch, pair
+    np.multiply(_SIGN_L, theta_i, out=poses[0])
+    poses[1] = table
+    np.multiply(_SIGN_D, theta_o, out=poses[2])
+    poses[3] = azimuth
+    poses[1::2] -= _TURN * np.rint(poses[1::2] / _TURN)
+    if pole.any():
+        poses[3] = np.where(pole, near[3], poses[3])
+    return poses.transpose(2, 1, 0)
+
+
+def _polar(w: Array) -> tuple[Array, Array, np.ndarray]:
+    """theta, phi (N,) and whether w is at the pole, where phi means nothing."""
+    x, y, z = w[:, 0], w[:, 1], w[:, 2]
+    rho = np.hypot(x, y)
+    return np.arctan2(rho, z), np.arctan2(y, x), rho < POLE

@@ -1,0 +1,36 @@
+"""Opens the rig that a config describes, at the depth it names. The one place that knows both families of devices."""
+
+from gonio.brdf.base import Brdf
+from gonio.config.loader import ConfigError
+from gonio.config.plan import PlanConfig
+from gonio.config.rig import RigConfig
+from gonio.rig.devices import Rig
+
+__all__ = ["open_rig"]
+
+
+def open_rig(
+    config: RigConfig, truth: Brdf | None, seed: int, *, plan: PlanConfig | None = None, isotropic: bool = False
+) -> Rig:
+    """A rig ready to measure. truth is the BRDF that a simulated rig shows, None for a real one.
+
+    plan says which savings of motion to use (all defaults if None), isotropic whether the sample is, so that a turned
+    table and the mirror image show the same. The noise of a simulated rig follows from `seed`.
+    Raises ConfigError where truth is given to a real rig or missing for a simulated one; DeviceFault, CalibrationMissing.
+    """
+    plan = plan or PlanConfig()
+    if config.depth == "real":
+        if truth is not None:
+            raise ConfigError(f"truth: rig {config.name} is real and shows what lies on it; leave `truth` out")
+        raise ConfigError(f"depth: rig {config.name} is real, and there are no drivers for it yet")
+    if truth is None:
+        raise ConfigError(f"truth: missing; rig {config.name} is simulated and needs a BRDF to show")
+    from sim.sample import Sample
+
+    lit, seen = config.acceptance.light_half_angle_deg, config.acceptance.detector_half_angle_deg
+    sample = Sample(truth, lit * 0.017453292519943295, seen * 0.017453292519943295)
+    if config.depth == "ideal":
+        from sim.ideal import IdealRig
+
+        return IdealRig(config, sample, plan, isotropic)
+    raise ConfigError(f"depth: rig {config.name} asks for {config.depth}, which does not exist yet; use ideal")
