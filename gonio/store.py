@@ -48,6 +48,8 @@ CREATE TABLE events (wall_s REAL, kind TEXT, text TEXT);
 class StoreError(Exception):
     """A run folder that cannot be used or written: which, why, what to do. One line; exit code 2."""
 
+    exit_code = 2
+
 
 @dataclass(frozen=True)
 class Measured:

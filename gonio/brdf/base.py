@@ -8,6 +8,8 @@ from gonio.geometry import Array
 class BrdfFileError(ValueError):
     """A BRDF file that cannot be used: says which file, where in it, and what to do. One line."""
 
+    exit_code = 2
+
 
 @runtime_checkable
 class Brdf(Protocol):

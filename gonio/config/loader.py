@@ -17,6 +17,8 @@ _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 class ConfigError(ValueError):
     """A config that cannot be used. The message is one line: file, line, key, what is wrong, what to do."""
 
+    exit_code = 2
+
 
 class Section(BaseModel):
     """Base of every section of a config: unknown keys, NaN and infinities are refused."""

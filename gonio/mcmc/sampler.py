@@ -29,6 +29,8 @@ FREE, WAITING, ANSWERED = 0, 1, 2
 class NoSupport(RuntimeError):
     """No direction with a measurable value was found: the rig reaches nothing, or nothing reflects. One line."""
 
+    exit_code = 2
+
 
 @dataclass(frozen=True)
 class Batch:

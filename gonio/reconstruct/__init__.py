@@ -22,6 +22,8 @@ MODELS = {
 class ReconstructionError(ValueError):
     """Samples from which no BRDF can be made: says what is wrong with them and what to do. One line."""
 
+    exit_code = 2
+
 
 def reconstruct(samples: Samples, model: str = "auto", *, anisotropic: bool = False, seed: int = 0) -> Brdf:
     """The BRDF that `samples` are measurements of.

@@ -1,0 +1,48 @@
+"""gonio: the command line. Each command is a few lines in gonio.commands; errors become one line and an exit code.
+
+Exit codes: 0 done · 1 bug · 2 usage or config · 3 hardware fault · 4 safety stop · 5 calibration missing or stale ·
+130 interrupted, resumable.
+"""
+
+import sys
+
+import click
+import typer
+
+from gonio.commands import acquisition, materials, products
+
+app = typer.Typer(
+    name="gonio",
+    help="Measure a material's BRDF: a Markov chain decides where to look, a rig looks there, a renderer uses the result.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+for group in (acquisition, products):
+    group.register(app)
+app.add_typer(materials.app, name="materials")
+
+
+def main() -> None:
+    """Entry point. A user's mistake never prints a traceback; a bug does, and exits with 1."""
+    try:
+        code = app(standalone_mode=False)
+    except click.exceptions.Exit as e:
+        code = e.exit_code
+    except click.exceptions.Abort:
+        code = 130
+    except click.ClickException as e:
+        e.show()
+        code = e.exit_code
+    except KeyboardInterrupt:
+        code = 130
+    except BrokenPipeError:
+        code = 0
+    except Exception as e:
+        code = getattr(e, "exit_code", None)
+        if code is None:
+            raise
+        if str(e):
+            print(f"gonio: {e}", file=sys.stderr)
+    sys.exit(code or 0)

@@ -1,0 +1,1 @@
+"""The operator's commands, grouped as they are used. Imports inside: `gonio --help` has to be quick."""

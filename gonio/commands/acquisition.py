@@ -1,0 +1,95 @@
+"""acquire, resume, check: a run from its config to its folder."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Config = Annotated[str, typer.Argument(help="a material's YAML, or the name of one that ships")]
+RigOption = Annotated[str, typer.Option("--rig", help="a rig's YAML, or the name of one that ships")]
+SetOption = Annotated[list[str], typer.Option("--set", metavar="KEY=VALUE", help="override any key, e.g. budget.measurements=500")]
+RunFolder = Annotated[Path, typer.Argument(help="a run folder")]
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(acquire)
+    app.command()(resume)
+    app.command()(check)
+
+
+def acquire(
+    config: Config,
+    rig: RigOption = "sim",
+    out: Annotated[Path | None, typer.Option(help="the run folder to make [default: runs/<material>/<stamp>]")] = None,
+    seed: Annotated[int | None, typer.Option(help="seed of the chains (and of simulated noise)")] = None,
+    set_: SetOption = [],  # noqa: B006 - typer reads the default, nothing changes it
+    post: Annotated[bool, typer.Option(help="make the BRDF, its .bsdf and the report when done")] = True,
+) -> None:
+    """Measure a material: drive the rig by the chain, store every reading, make the BRDF and the report."""
+    from gonio.run import start
+
+    material, rig_config = _configs(config, rig, set_, seed)
+    run = start(material, rig_config, out)
+    typer.echo(f"run   {run.store.folder}")
+    _drive(run, post)
+
+
+def resume(
+    run: RunFolder,
+    set_: SetOption = [],  # noqa: B006
+    post: Annotated[bool, typer.Option(help="make the BRDF, its .bsdf and the report when done")] = True,
+) -> None:
+    """Go on with an interrupted run: the very chain an uninterrupted one would have been."""
+    from gonio.run import resume as reopen
+
+    _drive(reopen(run, tuple(set_)), post)
+
+
+def check(
+    config: Config,
+    rig: RigOption = "sim",
+    seed: Annotated[int | None, typer.Option()] = None,
+    set_: SetOption = [],  # noqa: B006
+) -> None:
+    """Read a config and print what it would do: dimensions, reachable share, estimated rig time. Touches no hardware."""
+    from gonio.check import plan_text
+
+    material, rig_config = _configs(config, rig, set_, seed)
+    typer.echo(plan_text(material, rig_config))
+
+
+def _configs(config: str, rig: str, overrides: list[str], seed: int | None):
+    from gonio.config import Material, load_config
+    from gonio.config.find import find_config
+    from gonio.config.rig import RigConfig
+
+    ours = [o for o in overrides if not o.startswith("rig.")]
+    theirs = [o.removeprefix("rig.") for o in overrides if o.startswith("rig.")]
+    if seed is not None:
+        ours.append(f"seed={seed}")
+    material = load_config(find_config(config, "materials"), Material, ours)
+    return material, load_config(find_config(rig, "rigs"), RigConfig, theirs)
+
+
+def _drive(run, post: bool) -> None:
+    from gonio.commands.interrupt import Interrupt
+    from gonio.commands.progress import ProgressLine
+
+    origin = run.store.get("provenance", {}).get("truth")
+    if origin:
+        typer.echo(f"truth {origin}")
+    try:
+        with Interrupt() as interrupt, ProgressLine() as line:
+            reason = run(watch=line.update, interrupted=interrupt)
+    except BaseException as e:
+        if getattr(e, "exit_code", None) in (3, 4, 130) or isinstance(e, KeyboardInterrupt):
+            typer.echo(f"all that was measured is stored; `gonio resume {run.store.folder}` goes on", err=True)
+        raise
+    finally:
+        run.close()
+    typer.echo(f"ended {reason}")
+    if post:
+        from gonio.products import make_products
+
+        for line in make_products(run.store.folder):
+            typer.echo(line)

@@ -1,0 +1,31 @@
+"""Ctrl-C once: finish this measurement, store it, leave. Twice: stop now."""
+
+import signal
+import sys
+
+
+class Interrupt:
+    """Within `with`, a callable that says whether the operator asked to stop; a second Ctrl-C raises KeyboardInterrupt."""
+
+    def __init__(self) -> None:
+        self._asked = False
+
+    def __enter__(self) -> "Interrupt":
+        try:
+            self._before = {s: signal.signal(s, self._on_signal) for s in (signal.SIGINT, signal.SIGTERM)}
+        except ValueError:  # not in the main thread: whoever is, handles signals
+            self._before = {}
+        return self
+
+    def __exit__(self, *exc) -> None:
+        for s, handler in self._before.items():
+            signal.signal(s, handler)
+
+    def __call__(self) -> bool:
+        return self._asked
+
+    def _on_signal(self, number, frame) -> None:
+        if self._asked:
+            raise KeyboardInterrupt
+        self._asked = True
+        print("\nstopping after this measurement; once more to stop now", file=sys.stderr, flush=True)

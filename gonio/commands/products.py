@@ -1,0 +1,59 @@
+"""reconstruct, evaluate, export, report: what is made of a run."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+RunFolder = Annotated[Path, typer.Argument(help="a run folder")]
+
+
+def register(app: typer.Typer) -> None:
+    for command in (reconstruct, evaluate, export, report):
+        app.command()(command)
+
+
+def reconstruct(
+    run: RunFolder,
+    model: Annotated[str | None, typer.Option(help="auto, thesis, ggx, lobes, abc, flow [default: the config's]")] = None,
+    out: Annotated[Path | None, typer.Option(help="where to save it [default: brdf.npz in the run]")] = None,
+) -> None:
+    """Make a BRDF of a run's samples."""
+    from gonio.products import make_brdf
+
+    typer.echo(make_brdf(run, model, out))
+
+
+def evaluate(
+    run: Annotated[str, typer.Argument(help="a run folder or a BRDF file")],
+    truth: Annotated[str | None, typer.Option(help="the BRDF to compare with [default: the run's own truth]")] = None,
+    json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
+) -> None:
+    """Compare with a known BRDF: energy, brightness, log error, grazing."""
+    from gonio.products import evaluate_run
+
+    figures = evaluate_run(run, truth)
+    if json:
+        import json as js
+
+        typer.echo(js.dumps(figures))
+    else:
+        typer.echo("  ".join(f"{k} {v:.4f}" for k, v in figures.items()))
+
+
+def export(
+    run: RunFolder,
+    format: Annotated[str, typer.Option("--format", help="bsdf, merl, grid, csv, parquet, netcdf or mountain")] = "bsdf",
+    out: Annotated[Path | None, typer.Option(help="the file (or folder) to write [default: in the run]")] = None,
+) -> None:
+    """Write the BRDF or the samples in a format that other programs read."""
+    from gonio.products import export_run
+
+    typer.echo(export_run(run, format, out))
+
+
+def report(run: RunFolder, figures: Annotated[str | None, typer.Option(help="`thesis`: its figures 5.1-6.7 on this run")] = None) -> None:
+    """Write report.html: samples, slices beside the truth, acceptance, a shaded sphere."""
+    from gonio.products import make_report
+
+    typer.echo(make_report(run, figures))

@@ -1,0 +1,177 @@
+"""From configs to a finished run folder: open what they name, acquire, make the BRDF and the report."""
+
+import json
+import os
+import platform
+import secrets
+import subprocess
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+import gonio
+from gonio.acquire import Interrupted, Progress, acquire
+from gonio.brdf import Brdf
+from gonio.config import ConfigError, Material
+from gonio.config.loader import Section, parse_config
+from gonio.config.rig import RigConfig
+from gonio.mcmc import make_sampler
+from gonio.reconstruct.samples import Samples
+from gonio.rig.errors import RigError
+from gonio.rigs import open_rig
+from gonio.store import Measured, Store
+
+
+class RunConfig(Section):
+    """config.yaml of a run folder: everything resolved."""
+
+    material: Material
+    rig: RigConfig
+
+
+@dataclass
+class Run:
+    """An acquisition about to start or to go on: call it to drive the rig."""
+
+    config: RunConfig
+    store: Store
+    truth: Brdf | None
+
+    def __call__(self, *, watch: Callable[[Progress], None] = lambda p: None, interrupted: Callable[[], bool] = lambda: False, rig=None) -> str:
+        """Acquire; the reason it ended. The rig is opened here and closed whatever happens, unless one is lent."""
+        from gonio.running import GoodEnough
+
+        material = self.config.material
+        store = self.store
+        lent = rig is not None
+        if not lent:
+            rig = open_rig(self.config.rig, self.truth, material.seed, plan=material.plan, isotropic=material.symmetry == "isotropic")
+        good_enough = GoodEnough(material, store)
+        try:
+            _restore_rig(rig, store)
+            sampler = make_sampler(material, rig.reachable, good_enough.fit_surrogate)
+            reason = acquire(sampler, rig, store, material, watch=watch, interrupted=interrupted, good_enough=good_enough)
+            store.put("ended", reason)
+            store.event("ended", reason)
+            return reason
+        except Interrupted:
+            store.event("interrupted", "by the operator")
+            raise
+        except RigError as e:
+            store.event("fault", str(e))
+            raise
+        finally:
+            try:
+                store.commit()
+            finally:
+                if not lent:
+                    rig.close()
+
+    def close(self) -> None:
+        self.store.close()
+
+
+def start(material: Material, rig: RigConfig, out: str | os.PathLike[str] | None = None) -> Run:
+    """A new run folder, nothing measured yet. out = None: runs/<material>/<UTC stamp>-<short id>."""
+    truth, origin = find_truth(material, rig)
+    if truth is not None and truth.channels != len(material.channels):
+        raise ConfigError(f"channels: {len(material.channels)} named, but the truth ({origin}) has {truth.channels}")
+    if out is None:
+        stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+        out = Path("runs") / material.name / f"{stamp}-{secrets.token_hex(2)}"
+    config = RunConfig(material=material, rig=rig)
+    store = Store.create(out, dump(config), provenance(material, rig, origin), _interval(rig))
+    store.event("started", f"gonio {gonio.__version__}, rig {rig.name} ({rig.depth}), truth {origin or 'what lies on the rig'}")
+    return Run(config, store, truth)
+
+
+def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = ()) -> Run:
+    """An interrupted run, ready to go on; overrides may change its budget and stop rules."""
+    config = read_config(folder, tuple(f"material.{o}" for o in overrides))
+    allowed = ("budget.", "stop.", "reconstruct.")
+    for o in overrides:
+        if not o.startswith(allowed):
+            raise ConfigError(f"--set {o}: a run keeps what its chain was started with; only budget, stop and reconstruct may change")
+    truth, origin = find_truth(config.material, config.rig)
+    store = Store.open(folder, write=True, commit_interval=_interval(config.rig))
+    if overrides:
+        (Path(folder) / "config.yaml").write_text(dump(config))
+    store.event("resumed", f"gonio {gonio.__version__}, truth {origin or 'what lies on the rig'}")
+    return Run(config, store, truth)
+
+
+def read_config(folder: str | os.PathLike[str], overrides: tuple[str, ...] = ()) -> RunConfig:
+    path = Path(folder) / "config.yaml"
+    try:
+        text = path.read_text()
+    except OSError as e:
+        raise ConfigError(f"{path}: {e.strerror}; name a run folder that `gonio acquire` made") from None
+    return parse_config(text, RunConfig, overrides, source=str(path))
+
+
+def find_truth(material: Material, rig: RigConfig) -> tuple[Brdf | None, str]:
+    """The BRDF a simulated rig shows and where it was found; (None, "") on a real rig."""
+    if rig.depth == "real":
+        if material.truth is not None:
+            raise ConfigError(f"truth: rig {rig.name} is real and shows what lies on it; leave `truth` out")
+        return None, ""
+    if material.truth is None:
+        raise ConfigError(f"truth: missing; rig {rig.name} is simulated and needs a BRDF to show")
+    from gonio.brdf.library import find
+
+    found = find(material.truth)
+    return gonio.load_brdf(found.path), found.origin
+
+
+def load_samples(store: Store, measured: Measured | None = None) -> Samples:
+    """All measurements of a run that gave a value, as a reconstruction takes them."""
+    m = store.measured() if measured is None else measured
+    good = np.isfinite(m.f).all(1) if len(m.id) else np.zeros(0, bool)
+    return Samples.of(m.seen[good, :3], m.seen[good, 3:], m.f[good], m.sigma[good], m.saturated[good])
+
+
+def dump(config: RunConfig) -> str:
+    return yaml.safe_dump(json.loads(config.model_dump_json()), sort_keys=False)
+
+
+def provenance(material: Material, rig: RigConfig, origin: str) -> dict[str, Any]:
+    """What it takes to say later how a run was made."""
+    return {
+        "gonio": gonio.__version__,
+        "git": _git(),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "host": platform.node(),
+        "seed": material.seed,
+        "simulated": rig.depth != "real",
+        "rig": rig.name,
+        "depth": rig.depth,
+        "truth": origin,
+        "calibration": json.loads(rig.calibration.model_dump_json()),
+        "started": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+    }
+
+
+def _git() -> str:
+    here = Path(gonio.__file__).parent
+    try:
+        done = subprocess.run(["git", "-C", here, "describe", "--always", "--dirty"], capture_output=True, text=True, timeout=5)
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return done.stdout.strip()
+
+
+def _interval(rig: RigConfig) -> float:
+    """An ideal rig has no motion to wait for: commits 50 ms apart cost a kill nothing that could not be had again."""
+    return 0.05 if rig.depth == "ideal" else 0.0
+
+
+def _restore_rig(rig, store: Store) -> None:
+    state = store.get("rig")
+    if state:
+        rig.restore(state)

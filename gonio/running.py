@@ -1,0 +1,57 @@
+"""The reconstruction that runs beside an acquisition: when is it good enough, and what does it expect where."""
+
+import numpy as np
+
+from gonio.acquire import Progress
+from gonio.brdf import Brdf
+from gonio.config.material import Material
+from gonio.geometry import Array, to_half_diff
+from gonio.reconstruct.samples import Samples
+from gonio.store import Store
+
+
+class GoodEnough:
+    """The stop rules that need more than counting, looked at on a growing schedule."""
+
+    def __init__(self, material: Material, store: Store):
+        self.material, self.store = material, store
+        self._next = 200
+        self.anisotropic = material.symmetry == "anisotropic"
+
+    def __call__(self, progress: Progress) -> str | None:
+        stop = self.material.stop
+        if (stop.energy_error is None and stop.ess is None) or progress.measured < self._next:
+            return None
+        self._next = int(1.25 * progress.measured) + 1
+        if stop.ess is not None and (ess := self._effective_samples()) >= stop.ess:
+            return f"{ess:.0f} effective samples (goal {stop.ess:g})"
+        if stop.energy_error is not None:
+            progress.energy_error = self._energy_error()
+            if progress.energy_error <= stop.energy_error:
+                return f"estimated energy error {progress.energy_error:.3f} (goal {stop.energy_error:g})"
+        return None
+
+    def fit_surrogate(self, wi: Array, wo: Array, f: Array) -> Brdf:
+        from gonio.reconstruct.running import fit
+
+        return fit(Samples.of(wi, wo, f), anisotropic=self.anisotropic)
+
+    def _energy_error(self) -> float:
+        from gonio.reconstruct.running import fit
+        from gonio.run import load_samples
+
+        return float(fit(load_samples(self.store), anisotropic=self.anisotropic).energy_error_estimate)
+
+    def _effective_samples(self) -> float:
+        from gonio.mcmc.diagnostics import ess_bulk
+
+        m, steps = self.store.measured(), self.store.steps()
+        keep = (steps["step"] >= 0) & (steps["state"] >= 0)
+        row = np.searchsorted(m.id, steps["state"][keep])
+        chains = self.material.sampler.chains
+        theta_h, _, theta_d, phi_d = to_half_diff(m.asked[row, :3], m.asked[row, 3:])
+        length = np.bincount(steps["chain"][keep], minlength=chains).min()
+        if length < 8:
+            return 0.0
+        chain = steps["chain"][keep]
+        return min(ess_bulk(np.stack([q[chain == c][-length:] for c in range(chains)])) for q in (theta_h, theta_d, np.abs(phi_d)))
