@@ -1,7 +1,7 @@
 """A square in which sharp lobes, broad ones and their sums are smooth, to bin and to integrate in.
 
-The half vector's slopes are tan(theta_h) (cos(phi_h), sin(phi_h)) = r (alpha_x cos(phi), alpha_y sin(phi)); the square's
-axes are phi / 2 pi and s = the mean of r / (w + r) over widths w = 1, 10, 100 ... up to a slope of 1.
+The half vector's slopes are tan(theta_h) (cos(phi_h), sin(phi_h)) = r (alpha_x cos(phi), alpha_y sin(phi)); the
+square's axes are phi / 2 pi and s = the mean of r / (w + r) over widths w = 1, 10, 100 ... up to a slope of 1.
 alpha: one number or (alpha_x, alpha_y). Coarse bins on the sphere itself would fail correct sharp lobes.
 """
 
