@@ -14,7 +14,7 @@ import os
 import sqlite3
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from gonio.geometry import Array
 
 FORMAT = 1
+STEP_COLUMNS = ("chain", "step", "kind", "id", "accepted", "log_q", "state", "log_p")
 SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE measurements (
@@ -39,6 +40,7 @@ CREATE TABLE measurements (
 );
 CREATE TABLE steps (
   chain INTEGER, step INTEGER, kind INTEGER, id INTEGER, accepted INTEGER, log_q REAL, state INTEGER, log_p REAL,
+  proposed BLOB,               -- wi, wo of a proposal that was never measured (id -1)
   PRIMARY KEY (chain, step)
 ) WITHOUT ROWID;
 CREATE TABLE events (wall_s REAL, kind TEXT, text TEXT);
@@ -141,9 +143,11 @@ class Store:
     def add_steps(self, steps) -> None:
         """Rows of the step log (`gonio.mcmc.steps.Steps`); a row written before is written again, the same."""
         if len(steps):
-            columns = [getattr(steps, k.name).tolist() for k in fields(steps)]
+            columns = [getattr(steps, k).tolist() for k in STEP_COLUMNS]
+            both = np.concatenate([steps.wi, steps.wo], 1)
+            proposed = [d.tobytes() if free else None for d, free in zip(both, steps.id < 0)]
             with _explained(self.folder):
-                self._db.executemany("INSERT OR REPLACE INTO steps VALUES (?,?,?,?,?,?,?,?)", zip(*columns))
+                self._db.executemany("INSERT OR REPLACE INTO steps VALUES (?,?,?,?,?,?,?,?,?)", zip(*columns, proposed))
 
     def event(self, kind: str, text: str) -> None:
         """A line for the record: started, resumed, fault, stopped …; also in log.txt."""
@@ -181,13 +185,15 @@ class Store:
         return Measured(ids, *numbers, saturated, rig_s, wall_s)
 
     def steps(self) -> dict[str, NDArray]:
-        """Columns of the step log, ordered by chain and step."""
-        names = ("chain", "step", "kind", "id", "accepted", "log_q", "state", "log_p")
+        """Columns of the step log, ordered by chain and step; `proposed` (N, 6) is NaN for measured ones."""
         with _explained(self.folder):
-            rows = self._db.execute(f"SELECT {', '.join(names)} FROM steps ORDER BY chain, step").fetchall()
-        columns = zip(*rows) if rows else [()] * len(names)
+            rows = self._db.execute(f"SELECT {', '.join(STEP_COLUMNS)}, proposed FROM steps ORDER BY chain, step").fetchall()
+        *columns, proposed = zip(*rows) if rows else [()] * (len(STEP_COLUMNS) + 1)
         types = (np.int64, np.int64, np.int8, np.int64, bool, float, np.int64, float)
-        return {n: np.array(c, dtype=t) for n, c, t in zip(names, columns, types)}
+        out: dict[str, NDArray] = {n: np.array(c, dtype=t) for n, c, t in zip(STEP_COLUMNS, columns, types)}
+        nothing = np.full(6, np.nan).tobytes()
+        out["proposed"] = np.frombuffer(b"".join(p or nothing for p in proposed)).reshape(-1, 6)
+        return out
 
     def events(self) -> list[tuple[float, str, str]]:
         with _explained(self.folder):

@@ -282,12 +282,12 @@ class Sampler:
 
     def _judge(self, r: dict, b: int, cell: slice, log_p: Array) -> None:
         log_w = log_p + r["log_j"][cell]
-        if r["log_s"] is None:
-            gain = log_w - self.log_w
-        else:
-            gain = log_w - self.log_w - r["log_s"]
-        # a chain without a state takes the first place that can be measured; -inf - -inf is no comparison
-        accepted = (np.log(r["coin"][b] + 1e-300) < gain) & (log_p > -np.inf)
+        # a chain without a state (-inf) takes the first place that can be measured
+        measured = log_p > -np.inf
+        gain = np.where(measured, log_w, 0.0) - np.where(measured, self.log_w, 0.0)
+        if r["log_s"] is not None:
+            gain = gain - r["log_s"]
+        accepted = measured & (np.log(r["coin"][b] + 1e-300) < gain)
         kind = r["kind"][cell]
         ids = r["ids"][cell]
         if accepted.any():
@@ -304,7 +304,7 @@ class Sampler:
                 new = r["u"][:, cell]
                 self.u = new.copy() if self.u is None else np.where(accepted, new, self.u)
         log_q = np.where(kind == LOCAL, np.nan, -r["log_j"][cell])
-        self.log.add(self.step + b, kind, ids, accepted, log_q, self.at, self.log_p)
+        self.log.add(self.step + b, kind, ids, accepted, log_q, self.at, self.log_p, r["wi"][cell], r["wo"][cell])
 
     def _end_round(self) -> None:
         r = self._round
@@ -328,7 +328,7 @@ class Sampler:
             self.target.rescale(r["f"][good], r["wo"][good, 2], -r["log_j"][good])
         if self.history is not None:
             self._remember(r, good)
-        self.log.add_pilot(r["ids"], -r["log_j"])
+        self.log.add_pilot(r["ids"], -r["log_j"], r["wi"], r["wo"])
         self._round = None
 
     def _count_unmeasured(self, f: Array) -> None:

@@ -18,6 +18,7 @@ class Steps:
     accepted  whether the chain moved there
     log_q     log density of the draw in solid angles of (wi, wo) (isotropic: up to a constant); NaN for local moves
     state     measurement the chain is at after the step, -1 before it has found the support
+    wi, wo    (N, 3) what was proposed
     log_p     log of the target there (unnormalised, as it was at this step): f cos / exp(log_p) is the importance
               weight that turns an average over states into one over f cos
     """
@@ -30,6 +31,8 @@ class Steps:
     log_q: Array
     state: NDArray[np.int64]
     log_p: Array
+    wi: Array
+    wo: Array
 
     def __len__(self) -> int:
         return len(self.step)
@@ -41,7 +44,7 @@ class Steps:
     @classmethod
     def empty(cls) -> "Steps":
         types = (np.int32, np.int64, np.int8, np.int64, bool, float, np.int64, float)
-        return cls(*(np.empty(0, t) for t in types))
+        return cls(*(np.empty(0, t) for t in types), np.empty((0, 3)), np.empty((0, 3)))
 
 
 class StepLog:
@@ -52,16 +55,16 @@ class StepLog:
         self._columns: list[tuple] = []
         self._pilot: list[Steps] = []
 
-    def add(self, step: int, kind, id, accepted, log_q, state, log_p) -> None:
+    def add(self, step: int, kind, id, accepted, log_q, state, log_p, wi, wo) -> None:
         """One column; the arrays become the log's own."""
-        self._columns.append((step, kind, id, accepted, log_q, state, log_p))
+        self._columns.append((step, kind, id, accepted, log_q, state, log_p, wi, wo))
 
-    def add_pilot(self, ids: NDArray[np.int64], log_q: Array) -> None:
+    def add_pilot(self, ids: NDArray[np.int64], log_q: Array, wi: Array, wo: Array) -> None:
         """Measurements made before any chain moved: rows of chain 0 with steps below 0."""
         n = len(ids)
         zeros, none = np.zeros(n, np.int32), np.full(n, -1, np.int64)
         kind, no = np.full(n, PILOT, np.int8), np.zeros(n, bool)
-        self._pilot.append(Steps(zeros, np.arange(-n, 0), kind, ids, no, log_q, none, np.full(n, np.nan)))
+        self._pilot.append(Steps(zeros, np.arange(-n, 0), kind, ids, no, log_q, none, np.full(n, np.nan), wi, wo))
 
     def take(self) -> Steps:
         """All rows since the last call."""

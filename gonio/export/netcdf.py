@@ -1,0 +1,47 @@
+"""Chains as NetCDF-4 in ArviZ's layout: `arviz.from_netcdf(path)` opens it."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from gonio.export.extra import needs
+from gonio.geometry import to_half_diff
+from gonio.store import Store
+
+
+def chain_arrays(store: Store) -> dict[str, np.ndarray]:
+    """The chains' states, each (chains, steps): theta_h, theta_d, phi_d, f_*, accepted, log_p, kind; equal lengths.
+
+    Steps before every chain had found the support are left out.
+    """
+    m, s = store.measured(), store.steps()
+    keep = s["step"] >= 0
+    chains = int(s["chain"][keep].max(initial=-1)) + 1
+    length = int(np.bincount(s["chain"][keep], minlength=max(chains, 1)).min()) if chains else 0
+
+    def grid(column):
+        return np.stack([column[keep & (s["chain"] == c)][:length] for c in range(chains)]) if chains else np.empty((0, 0))
+
+    state = grid(s["state"])
+    begin = int((state < 0).sum(1).max(initial=0))
+    row = np.searchsorted(m.id, state[:, begin:])
+    theta_h, _, theta_d, phi_d = to_half_diff(m.asked[row, :3], m.asked[row, 3:]) if row.size else (np.empty(row.shape),) * 4
+    out = {"theta_h": theta_h, "theta_d": theta_d, "phi_d": np.abs(phi_d)}
+    out |= {f"f_{c}": m.f[row, c] for c in range(m.f.shape[1])} if row.size else {}
+    return out | {k: grid(s[k])[:, begin:] for k in ("accepted", "log_p", "kind")}
+
+
+def write_netcdf(store: Store, path: str | os.PathLike[str]) -> Path:
+    """Groups `posterior` (the states) and `sample_stats` (accepted, lp, kind). Raises MissingExtra without h5netcdf."""
+    xarray = needs("xarray", "study")
+    needs("h5netcdf", "study")
+    arrays = chain_arrays(store)
+    path = Path(path)
+    part = path.with_name(path.name + ".part")
+    stats = {"accepted": arrays.pop("accepted"), "lp": arrays.pop("log_p"), "kind": arrays.pop("kind")}
+    for mode, group, columns in (("w", "posterior", arrays), ("a", "sample_stats", stats)):
+        data = xarray.Dataset({k: (("chain", "draw"), v) for k, v in columns.items()})
+        data.to_netcdf(part, mode=mode, group=group, engine="h5netcdf")
+    os.replace(part, path)
+    return path

@@ -1,0 +1,91 @@
+"""The step log as a table: csv or parquet, one row per step, measured or free."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gonio.geometry import to_angles
+from gonio.mcmc.proposals import KINDS
+from gonio.store import Store
+
+
+def step_table(store: Store) -> dict[str, NDArray]:
+    """Columns by name: chain, step, kind, measured, accepted, repeats, log_q, angles in degrees, f_*, sigma_*, …
+
+    Directions are as achieved where measured, as proposed where free. repeats counts the steps a chain stayed on this
+    state, 0 if it was never there.
+    """
+    m, s = store.measured(), store.steps()
+    measured = s["id"] >= 0
+    row = np.clip(np.searchsorted(m.id, s["id"]), 0, max(len(m.id) - 1, 0))
+    channels = m.f.shape[1]
+    measured &= (m.id[row] == s["id"]) if len(m.id) else False
+    where = np.where(measured[:, None], m.seen[row] if len(m.id) else 0.0, s["proposed"])
+    (theta_i, phi_i), (theta_o, phi_o) = (to_angles(where[:, k : k + 3]) for k in (0, 3))
+
+    def of(column):
+        return np.where(measured, column[row] if len(m.id) else np.nan, np.nan)
+
+    table: dict[str, NDArray] = {
+        "chain": s["chain"],
+        "step": s["step"],
+        "kind": np.array(KINDS)[s["kind"]],
+        "measured": measured.astype(int),
+        "accepted": s["accepted"].astype(int),
+        "repeats": repeats(s["chain"], s["step"], s["accepted"]),
+        "log_q": s["log_q"],
+    }
+    for name, angle in (("theta_i", theta_i), ("phi_i", phi_i), ("theta_o", theta_o), ("phi_o", phi_o)):
+        table[f"{name}_deg"] = np.degrees(angle)
+    table |= {f"f_{c}": of(m.f[:, c]) for c in range(channels)}
+    table |= {f"sigma_{c}": of(m.sigma[:, c]) for c in range(channels)}
+    table["saturated"] = (measured & m.saturated[row]).astype(int) if len(m.id) else measured.astype(int)
+    return table | {"rig_s": of(m.rig_s), "wall_s": of(m.wall_s)}
+
+
+def repeats(chain: NDArray, step: NDArray, accepted: NDArray) -> NDArray[np.int64]:
+    """Steps each accepted state lasted, rows ordered by chain and step."""
+    out = np.zeros(len(step), np.int64)
+    for c in np.unique(chain):
+        rows = np.flatnonzero((chain == c) & (step >= 0))
+        moves = rows[accepted[rows]]
+        if len(moves):
+            out[moves] = np.diff(np.append(step[moves], step[rows[-1]] + 1))
+    return out
+
+
+def write_csv(store: Store, path: str | os.PathLike[str]) -> Path:
+    """Numbers with 17 digits, so that they read back to the bit; NaN is empty."""
+    import csv
+
+    table = step_table(store)
+    path = Path(path)
+    part = path.with_name(path.name + ".part")
+    columns = [[_text(v) for v in column.tolist()] for column in table.values()]
+    with open(part, "w", newline="") as out:
+        writer = csv.writer(out)
+        writer.writerow(table)
+        writer.writerows(zip(*columns))
+    os.replace(part, path)
+    return path
+
+
+def write_parquet(store: Store, path: str | os.PathLike[str]) -> Path:
+    """The same table in Parquet. Raises MissingExtra where pyarrow is not installed."""
+    from gonio.export.extra import needs
+
+    pyarrow = needs("pyarrow", "study")
+    parquet = needs("pyarrow.parquet", "study")
+    path = Path(path)
+    part = path.with_name(path.name + ".part")
+    parquet.write_table(pyarrow.table(step_table(store)), part)
+    os.replace(part, path)
+    return path
+
+
+def _text(value) -> str:
+    if isinstance(value, float):
+        return "" if value != value else repr(value)
+    return str(value)
