@@ -1,0 +1,83 @@
+"""A first guess at g = f cos(theta_o) that holds over many decades: a dictionary of lobes, weights >= 0, log loss.
+
+    g = (a + b s) cos(theta_o) + c + d s + sum_k D_k(theta_h) / (4 cos theta_d) (p_k + q_k s) (1 or m)
+
+with D_k = GGX of fixed roughness alpha_k, s = (1 - cos theta_d)^5 (Schlick 1994) and m = 2 cos_o / (cos_i + cos_o), which
+fades towards the horizon of wo; measured tables want both, those that fade and those that do not. Linear in the weights,
+so non-negative least squares finds the optimum; the log loss by reweighting, starting nowhere near a local minimum.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gonio.geometry import Array, to_half_diff
+
+ALPHA = np.geomspace(0.002, 0.8, 12)
+MOST = 3000
+
+
+@dataclass(frozen=True)
+class Angles:
+    """Of N pairs: theta_h, theta_d, |phi_d| and the cosines of wi, wo with the normal, (N,) each."""
+
+    theta_h: Array
+    theta_d: Array
+    phi_d: Array
+    cos_i: Array
+    cos_o: Array
+
+    @classmethod
+    def of(cls, wi: Array, wo: Array) -> "Angles":
+        theta_h, _, theta_d, phi_d = to_half_diff(wi, wo)
+        return cls(theta_h, theta_d, np.abs(phi_d), np.maximum(wi[:, 2], 1e-6), np.maximum(wo[:, 2], 1e-6))
+
+
+class RobustBase:
+    """g (N, C) of `Angles`; weights (4 + 4 len(ALPHA), C), in the order of `dictionary`."""
+
+    def __init__(self, weights: Array):
+        self.weights = np.asarray(weights, float)
+
+    def __call__(self, a: Angles) -> Array:
+        used = np.flatnonzero((self.weights > 0).any(1))
+        return dictionary(a)[:, used] @ self.weights[used]
+
+    @classmethod
+    def fit(cls, a: Angles, g: Array, floor: Array, rng: np.random.Generator) -> "RobustBase":
+        """floor (C,): what is added inside the logarithm, about the smallest g that matters."""
+        from scipy.optimize import nnls
+
+        pick = rng.choice(len(g), MOST, replace=False) if len(g) > MOST else np.arange(len(g))
+        columns, weights = dictionary(a)[pick], []
+        for c in range(g.shape[1]):
+            y = np.maximum(g[pick, c], 0) + floor[c]
+            energy = y**0.1  # a little more say to what carries energy: the least error of the final result
+            w = energy / (y + 0.1 * np.median(y))
+            x = np.zeros(columns.shape[1])
+            for _ in range(7):
+                x, _ = nnls(columns * w[:, None], (y - floor[c]) * w, maxiter=5000)
+                model = columns @ x + floor[c]
+                log, gap = np.log(model / y), model - y
+                # the weight under which a square is the square of the logarithm, large ones held back (Huber)
+                exact = np.where(np.abs(log) > 1e-4, log / np.where(gap == 0, 1, gap), 1 / y)
+                w = np.sqrt(w * exact * energy / (1 + (log / 0.5) ** 2) ** 0.25)
+            weights.append(x)
+        return cls(np.stack(weights, 1))
+
+
+def dictionary(a: Angles) -> Array:
+    """The columns of the module's docstring, (N, 4 + 4 K)."""
+    cos_d = np.maximum(np.cos(a.theta_d), 0.02)
+    schlick = (1 - cos_d) ** 5
+    fading = 2 * a.cos_o / (a.cos_i + a.cos_o)
+    one = np.ones_like(schlick)
+    d = lobes(a.theta_h) / (4 * cos_d[:, None])
+    s, m = schlick[:, None], fading[:, None]
+    return np.concatenate([np.stack([a.cos_o, schlick * a.cos_o, one, schlick], 1), d, d * s, d * m, d * m * s], 1)
+
+
+def lobes(theta_h: Array) -> Array:
+    """D (N, K) of GGX for each ALPHA."""
+    s, c = np.sin(theta_h)[:, None], np.cos(theta_h)[:, None]
+    return 1 / (np.pi * ALPHA**2 * ((s / ALPHA) ** 2 + c**2) ** 2)
