@@ -17,7 +17,7 @@ from gonio.reconstruct.laplace import fill_holes
 from gonio.reconstruct.samples import Samples
 from gonio.reconstruct.usable import usable
 
-INCIDENCES, ROWS, COLUMNS = 32, 65, 128
+INCIDENCES, ROWS, COLUMNS = 64, 65, 128
 
 
 def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> SlicesBrdf:
