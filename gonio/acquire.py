@@ -75,7 +75,11 @@ def acquire(
             watch(progress)
             if sampler.unmeasured_in_a_row >= material.stop.unmeasured:
                 n = sampler.unmeasured_in_a_row
-                raise DeviceFault("detector", f"{n} readings in a row could not be used", "check light, cables and range, then `gonio resume`")
+                raise DeviceFault(
+                    "detector",
+                    f"{n} readings in a row could not be used",
+                    "check light, cables and range, then `gonio resume`",
+                )
             if interrupted():
                 raise Interrupted
             if (reason := _spent(material, progress)) is not None:
@@ -97,7 +101,9 @@ def replay(sampler: Sampler, store: Store, progress: Progress) -> None:
             break
         row = row[have]
         if not np.array_equal(known.asked[row], np.concatenate([batch.wi, batch.wo], 1)[have]):
-            raise StoreError(f"{store.folder}: its chain cannot be continued by this version of gonio; use the one in its provenance")
+            raise StoreError(
+                f"{store.folder}: its chain cannot be continued by this version of gonio; use the one in its provenance"
+            )
         sampler.tell(batch.ids[have], known.f[row], known.sigma[row])
         if not have.all():
             break

@@ -13,7 +13,7 @@ from gonio.commands import acquisition, materials, products
 
 app = typer.Typer(
     name="gonio",
-    help="Measure a material's BRDF: a Markov chain decides where to look, a rig looks there, a renderer uses the result.",
+    help="A Markov chain decides where to look, a rig looks there, and what it saw becomes a BRDF for any renderer.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,

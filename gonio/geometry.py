@@ -8,10 +8,13 @@ sample's normal, angles are (N,) radians. `wi` points to the light, `wo` to the 
 No `acos` and no `1 - cos**2`: both lose half the digits near a pole, where a glossy sample keeps its peak.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+# float64 wherever this project makes one; shapes are said in words, which the type cannot
+Array = NDArray[Any]
 
 
 def unit(v: Array) -> Array:
@@ -24,7 +27,7 @@ def unit(v: Array) -> Array:
     return np.where(scale > 0, w, np.array([0.0, 0.0, 1.0]))
 
 
-def from_angles(theta: Array, phi: Array) -> Array:
+def from_angles(theta: Array | float, phi: Array | float) -> Array:
     """Unit vectors (N, 3) of elevation theta (from the normal) and azimuth phi."""
     theta, phi = np.broadcast_arrays(np.asarray(theta, float), np.asarray(phi, float))
     s = np.sin(theta)
@@ -61,7 +64,9 @@ def to_half_diff(wi: Array, wo: Array) -> tuple[Array, Array, Array, Array]:
 
 def from_half_diff(theta_h: Array, phi_h: Array, theta_d: Array, phi_d: Array) -> tuple[Array, Array]:
     """(wi, wo) of half/difference angles, the inverse of `to_half_diff`. Either may lie below the horizon."""
-    theta_h, phi_h, theta_d, phi_d = np.broadcast_arrays(*(np.asarray(a, float) for a in (theta_h, phi_h, theta_d, phi_d)))
+    theta_h, phi_h, theta_d, phi_d = np.broadcast_arrays(
+        *(np.asarray(a, float) for a in (theta_h, phi_h, theta_d, phi_d))
+    )
     h = from_angles(theta_h, phi_h)
     sd, cd = np.sin(theta_d)[..., None], np.cos(theta_d)[..., None]
     ch, sh, cp, sp = np.cos(theta_h), np.sin(theta_h), np.cos(phi_h), np.sin(phi_h)

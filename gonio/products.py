@@ -33,7 +33,7 @@ def make_products(folder: Path) -> list[str]:
 
 
 def evaluate_run(path: str, truth: str | None) -> dict[str, float]:
-    """The referee's figures of a run or BRDF file against `truth`, a path or a material's name; None = the run's own."""
+    """The referee's figures of a run or BRDF file against `truth`, a path or a name; None = the run's own."""
     from gonio.evaluate import evaluate
 
     if truth is None:
@@ -41,7 +41,9 @@ def evaluate_run(path: str, truth: str | None) -> dict[str, float]:
             raise ConfigError(f"{path}: not a run folder; say what to compare it with by --truth")
         truth = read_config(path).material.truth
         if truth is None:
-            raise ConfigError(f"{path}: measured on a real rig, its truth is not known; say what to compare it with by --truth")
+            raise ConfigError(
+                f"{path}: measured on a real rig, its truth is not known; say what to compare it with by --truth"
+            )
     brdf, reference = gonio.load_brdf(path), open_truth(truth)
     if brdf.channels != reference.channels:
         raise ConfigError(f"--truth {truth}: has {reference.channels} channels, {path} has {brdf.channels}")

@@ -42,7 +42,13 @@ class Run:
     store: Store
     truth: Brdf | None
 
-    def __call__(self, *, watch: Callable[[Progress], None] = lambda p: None, interrupted: Callable[[], bool] = lambda: False, rig=None) -> str:
+    def __call__(
+        self,
+        *,
+        watch: Callable[[Progress], None] = lambda p: None,
+        interrupted: Callable[[], bool] = lambda: False,
+        rig=None,
+    ) -> str:
         """Acquire; the reason it ended. The rig is opened here and closed whatever happens, unless one is lent."""
         from gonio.running import GoodEnough
 
@@ -50,12 +56,20 @@ class Run:
         store = self.store
         lent = rig is not None
         if not lent:
-            rig = open_rig(self.config.rig, self.truth, material.seed, plan=material.plan, isotropic=material.symmetry == "isotropic")
+            rig = open_rig(
+                self.config.rig,
+                self.truth,
+                material.seed,
+                plan=material.plan,
+                isotropic=material.symmetry == "isotropic",
+            )
         good_enough = GoodEnough(material, store)
         try:
             _restore_rig(rig, store)
             sampler = make_sampler(material, rig.reachable, good_enough.fit_surrogate)
-            reason = acquire(sampler, rig, store, material, watch=watch, interrupted=interrupted, good_enough=good_enough)
+            reason = acquire(
+                sampler, rig, store, material, watch=watch, interrupted=interrupted, good_enough=good_enough
+            )
             store.put("ended", reason)
             store.event("ended", reason)
             return reason
@@ -86,7 +100,9 @@ def start(material: Material, rig: RigConfig, out: str | os.PathLike[str] | None
         out = Path("runs") / material.name / f"{stamp}-{secrets.token_hex(2)}"
     config = RunConfig(material=material, rig=rig)
     store = Store.create(out, dump(config), provenance(material, rig, origin), _interval(rig))
-    store.event("started", f"gonio {gonio.__version__}, rig {rig.name} ({rig.depth}), truth {origin or 'what lies on the rig'}")
+    store.event(
+        "started", f"gonio {gonio.__version__}, rig {rig.name} ({rig.depth}), truth {origin or 'what lies on the rig'}"
+    )
     return Run(config, store, truth)
 
 
@@ -96,7 +112,9 @@ def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = ()) -> R
     allowed = ("budget.", "stop.", "reconstruct.")
     for o in overrides:
         if not o.startswith(allowed):
-            raise ConfigError(f"--set {o}: a run keeps what its chain was started with; only budget, stop and reconstruct may change")
+            raise ConfigError(
+                f"--set {o}: a run keeps what its chain was started with; only budget, stop and reconstruct may change"
+            )
     truth, origin = find_truth(config.material, config.rig)
     store = Store.open(folder, write=True, commit_interval=_interval(config.rig))
     if overrides:
@@ -160,7 +178,9 @@ def provenance(material: Material, rig: RigConfig, origin: str) -> dict[str, Any
 def _git() -> str:
     here = Path(gonio.__file__).parent
     try:
-        done = subprocess.run(["git", "-C", here, "describe", "--always", "--dirty"], capture_output=True, text=True, timeout=5)
+        done = subprocess.run(
+            ["git", "-C", here, "describe", "--always", "--dirty"], capture_output=True, text=True, timeout=5
+        )
     except (OSError, subprocess.SubprocessError):
         return ""
     return done.stdout.strip()

@@ -54,4 +54,7 @@ class GoodEnough:
         if length < 8:
             return 0.0
         chain = steps["chain"][keep]
-        return min(ess_bulk(np.stack([q[chain == c][-length:] for c in range(chains)])) for q in (theta_h, theta_d, np.abs(phi_d)))
+        return min(
+            ess_bulk(np.stack([q[chain == c][-length:] for c in range(chains)]))
+            for q in (theta_h, theta_d, np.abs(phi_d))
+        )

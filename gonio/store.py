@@ -13,7 +13,7 @@ import json
 import os
 import sqlite3
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -77,14 +77,18 @@ class Store:
         self._wall_before = 0.0
 
     @classmethod
-    def create(cls, folder: str | os.PathLike[str], config_yaml: str, provenance: dict[str, Any], commit_interval: float = 0.0) -> "Store":
+    def create(
+        cls, folder: str | os.PathLike[str], config_yaml: str, provenance: dict[str, Any], commit_interval: float = 0.0
+    ) -> "Store":
         """A new run. Raises StoreError where the folder exists or cannot be made."""
         folder = Path(folder)
         try:
             folder.parent.mkdir(parents=True, exist_ok=True)
             folder.mkdir()
         except FileExistsError:
-            raise StoreError(f"{folder}: exists already; name a new folder with --out, or go on with `gonio resume {folder}`") from None
+            raise StoreError(
+                f"{folder}: exists already; name a new folder with --out, or go on with `gonio resume {folder}`"
+            ) from None
         except OSError as e:
             raise StoreError(f"{folder}: {e.strerror}; name another folder with --out") from None
         try:
@@ -121,7 +125,9 @@ class Store:
             db.close()
             if lock is not None:
                 os.close(lock)
-            raise StoreError(f"{folder}: written by a newer gonio (run format {found}, this one reads {FORMAT}); update gonio")
+            raise StoreError(
+                f"{folder}: written by a newer gonio (run format {found}, this one reads {FORMAT}); update gonio"
+            )
         store = cls(folder, db, lock, commit_interval)
         store._wall_before = db.execute("SELECT coalesce(max(wall_s), 0) FROM measurements").fetchone()[0]
         return store
@@ -178,16 +184,22 @@ class Store:
 
     def measured(self) -> Measured:
         with _explained(self.folder):
-            rows = self._db.execute("SELECT id, asked, seen, f, sigma, saturated, rig_s, wall_s FROM measurements ORDER BY id").fetchall()
+            rows = self._db.execute(
+                "SELECT id, asked, seen, f, sigma, saturated, rig_s, wall_s FROM measurements ORDER BY id"
+            ).fetchall()
         columns = list(zip(*rows)) if rows else [()] * 8
-        numbers = [np.frombuffer(b"".join(c)).reshape(len(rows), -1) if rows else np.empty((0, n)) for c, n in zip(columns[1:5], (6, 6, 1, 1))]
-        ids, saturated, rig_s, wall_s = (np.array(columns[k], t) for k, t in ((0, np.int64), (5, bool), (6, float), (7, float)))
-        return Measured(ids, *numbers, saturated, rig_s, wall_s)
+        asked, seen, f, sigma = (_numbers(c, n) for c, n in zip(columns[1:5], (6, 6, 1, 1)))
+        ids, saturated, rig_s, wall_s = (
+            np.array(columns[k], t) for k, t in ((0, np.int64), (5, bool), (6, float), (7, float))
+        )
+        return Measured(ids, asked, seen, f, sigma, saturated, rig_s, wall_s)
 
     def steps(self) -> dict[str, NDArray]:
         """Columns of the step log, ordered by chain and step; `proposed` (N, 6) is NaN for measured ones."""
         with _explained(self.folder):
-            rows = self._db.execute(f"SELECT {', '.join(STEP_COLUMNS)}, proposed FROM steps ORDER BY chain, step").fetchall()
+            rows = self._db.execute(
+                f"SELECT {', '.join(STEP_COLUMNS)}, proposed FROM steps ORDER BY chain, step"
+            ).fetchall()
         *columns, proposed = zip(*rows) if rows else [()] * (len(STEP_COLUMNS) + 1)
         types = (np.int64, np.int64, np.int8, np.int64, bool, float, np.int64, float)
         out: dict[str, NDArray] = {n: np.array(c, dtype=t) for n, c, t in zip(STEP_COLUMNS, columns, types)}
@@ -219,6 +231,11 @@ class Store:
         self.close()
 
 
+def _numbers(blobs: Sequence[bytes], empty_width: int) -> Array:
+    """Rows of float64 from blobs of equal length."""
+    return np.frombuffer(b"".join(blobs)).reshape(len(blobs), -1) if blobs else np.empty((0, empty_width))
+
+
 def _connect(path: Path) -> sqlite3.Connection:
     db = sqlite3.connect(path, timeout=5, check_same_thread=False)
     db.execute("PRAGMA journal_mode=WAL")
@@ -243,7 +260,11 @@ def _explained(folder: Path) -> Iterator[None]:
         yield
     except sqlite3.OperationalError as e:
         cause = str(e)
-        remedy = "free some space, then `gonio resume` goes on with what was stored" if "full" in cause or "I/O" in cause else "check the folder"
+        remedy = (
+            "free some space, then `gonio resume` goes on with what was stored"
+            if "full" in cause or "I/O" in cause
+            else "check the folder"
+        )
         raise StoreError(f"{folder}/run.sqlite: {cause}; {remedy}") from None
     except (sqlite3.DatabaseError, TypeError, json.JSONDecodeError) as e:
         raise StoreError(f"{folder}/run.sqlite: damaged or not a run ({e}); restore it from a copy") from None

@@ -7,7 +7,9 @@ import typer
 
 Config = Annotated[str, typer.Argument(help="a material's YAML, or the name of one that ships")]
 RigOption = Annotated[str, typer.Option("--rig", help="a rig's YAML, or the name of one that ships")]
-SetOption = Annotated[list[str], typer.Option("--set", metavar="KEY=VALUE", help="override any key, e.g. budget.measurements=500")]
+SetOption = Annotated[
+    list[str], typer.Option("--set", metavar="KEY=VALUE", help="override any key, e.g. budget.measurements=500")
+]
 RunFolder = Annotated[Path, typer.Argument(help="a run folder")]
 
 
@@ -51,7 +53,7 @@ def check(
     seed: Annotated[int | None, typer.Option()] = None,
     set_: SetOption = [],  # noqa: B006
 ) -> None:
-    """Read a config and print what it would do: dimensions, reachable share, estimated rig time. Touches no hardware."""
+    """Read a config and print what it would do: dimensions, reachable share, estimated rig time. No hardware."""
     from gonio.check import plan_text
 
     material, rig_config = _configs(config, rig, set_, seed)
@@ -91,5 +93,5 @@ def _drive(run, post: bool) -> None:
     if post:
         from gonio.products import make_products
 
-        for line in make_products(run.store.folder):
-            typer.echo(line)
+        for made in make_products(run.store.folder):
+            typer.echo(made)

@@ -5,7 +5,7 @@ import sys
 
 
 class Interrupt:
-    """Within `with`, a callable that says whether the operator asked to stop; a second Ctrl-C raises KeyboardInterrupt."""
+    """Within `with`, a callable: did the operator ask to stop? A second Ctrl-C raises KeyboardInterrupt."""
 
     def __init__(self) -> None:
         self._asked = False

@@ -10,16 +10,30 @@ app = typer.Typer(help="List, find and fetch materials that a simulated rig can 
 @app.callback(invoke_without_command=True)
 def main(context: typer.Context) -> None:
     if context.invoked_subcommand is None:
-        from gonio.brdf.library import known
+        from gonio.brdf.library import available, fetchable
 
-        for line in known():
-            typer.echo(line)
+        here = available()
+        for found in here:
+            typer.echo(f"{found.name:24} {found.origin}")
+        names = {found.name for found in here if found.origin.startswith("measured")}
+        more = [name for name in fetchable() if name not in names]
+        if more:
+            typer.echo(f"\n`gonio materials fetch NAME` gets: {', '.join(more)}")
 
 
 @app.command()
-def fetch(names: Annotated[list[str], typer.Argument(help="names in the RGL-EPFL material database, e.g. chm_orange")]) -> None:
+def fetch(
+    names: Annotated[list[str], typer.Argument(help="names in the RGL-EPFL material database, e.g. chm_orange")],
+    within: Annotated[float, typer.Option(help="seconds each may take")] = 600,
+    missing: Annotated[
+        bool, typer.Option("--missing", help="only those of which no measured table is at hand")
+    ] = False,
+) -> None:
     """Fetch measured RGL tables (CC0) into the user's cache."""
+    from gonio.brdf.library import available
     from gonio.brdf.library import fetch as get
 
+    here = {found.name for found in available() if found.origin.startswith("measured")} if missing else set()
     for name in names:
-        typer.echo(get(name))
+        if name not in here:
+            typer.echo(f"{name}  {get(name, within=within).path}")

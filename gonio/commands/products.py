@@ -15,7 +15,9 @@ def register(app: typer.Typer) -> None:
 
 def reconstruct(
     run: RunFolder,
-    model: Annotated[str | None, typer.Option(help="auto, thesis, ggx, lobes, abc, flow [default: the config's]")] = None,
+    model: Annotated[
+        str | None, typer.Option(help="auto, thesis, ggx, lobes, abc, flow [default: the config's]")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="where to save it [default: brdf.npz in the run]")] = None,
 ) -> None:
     """Make a BRDF of a run's samples."""
@@ -43,7 +45,9 @@ def evaluate(
 
 def export(
     run: RunFolder,
-    format: Annotated[str, typer.Option("--format", help="bsdf, merl, grid, csv, parquet, netcdf or mountain")] = "bsdf",
+    format: Annotated[
+        str, typer.Option("--format", help="bsdf, merl, grid, csv, parquet, netcdf or mountain")
+    ] = "bsdf",
     out: Annotated[Path | None, typer.Option(help="the file (or folder) to write [default: in the run]")] = None,
 ) -> None:
     """Write the BRDF or the samples in a format that other programs read."""
@@ -52,7 +56,10 @@ def export(
     typer.echo(export_run(run, format, out))
 
 
-def report(run: RunFolder, figures: Annotated[str | None, typer.Option(help="`thesis`: its figures 5.1-6.7 on this run")] = None) -> None:
+def report(
+    run: RunFolder,
+    figures: Annotated[str | None, typer.Option(help="`thesis`: its figures 5.1-6.7 on this run")] = None,
+) -> None:
     """Write report.html: samples, slices beside the truth, acceptance, a shaded sphere."""
     from gonio.products import make_report
 

@@ -37,7 +37,9 @@ def load_config(path: str | os.PathLike[str], model: type[Model], overrides: Ite
         if not path.is_file():
             raise ConfigError(f"{path}: not a file; name a YAML file")
         if size > MAX_BYTES:
-            raise ConfigError(f"{path}: {size} bytes is too large for a config (limit {MAX_BYTES}); is it the right file?")
+            raise ConfigError(
+                f"{path}: {size} bytes is too large for a config (limit {MAX_BYTES}); is it the right file?"
+            )
         text = path.read_bytes().decode("utf-8")
     except UnicodeDecodeError as e:
         raise ConfigError(f"{path}: byte {e.start}: not UTF-8 text; save it as UTF-8") from None
@@ -79,6 +81,7 @@ def _read(text: str, source: str) -> tuple[dict[str, Any], dict[tuple, int]]:
         found = "nothing" if data is None else type(data).__name__
         raise ConfigError(f"{source}: expected keys and values, found {found}")
     lines: dict[tuple, int] = {}
+    assert node is not None  # a document that is a dict has a node
     _index(node, (), lines, source)
     return data, lines
 
@@ -87,7 +90,7 @@ def _unwanted(text: str) -> str | None:
     """Aliases can make a small file stand for a gigabyte, and deep nesting overflow the stack: no config needs them."""
     depth = 0
     for event in yaml.parse(text, Loader=_Loader):
-        line = event.start_mark.line + 1
+        line = event.start_mark.line + 1 if event.start_mark else 0
         if isinstance(event, yaml.AliasEvent):
             return f"{line}: aliases (*name) are not used here; write it out"
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
@@ -133,7 +136,9 @@ def _override(data: dict[str, Any], item: str) -> None:
 def _explain(error: ValidationError, model: type[BaseModel], lines: Mapping[tuple, int], source: str, overrides) -> str:
     first = error.errors(include_url=False)[0]
     loc = tuple(first["loc"])
-    keys = tuple(k for k in loc if (*loc[: loc.index(k)], k) in lines or not str(k).startswith(("function-", "literal")))
+    keys = tuple(
+        k for k in loc if (*loc[: loc.index(k)], k) in lines or not str(k).startswith(("function-", "literal"))
+    )
     name = ".".join(map(str, keys)) or "config"
     line = next((lines[keys[:n]] for n in range(len(keys), -1, -1) if keys[:n] in lines), None)
     by_hand = any(o.partition("=")[0].strip() == name for o in overrides)

@@ -103,9 +103,18 @@ class Material(Section):
     def _consistent(self) -> "Material":
         channel = self.sampler.target.channels
         if isinstance(channel, int) and channel >= len(self.channels):
-            raise ValueError(f"sampler.target.channels is {channel}, but there are {len(self.channels)} channels (0 is the first)")
+            raise ValueError(
+                f"sampler.target.channels is {channel}, but there are {len(self.channels)} channels (0 is the first)"
+            )
         if channel == "luminance" and len(self.channels) != 3:
             raise ValueError("sampler.target.channels: luminance needs three channels (linear RGB)")
-        if self.budget.measurements is None and self.budget.rig_hours is None and self.stop.energy_error is None and self.stop.ess is None:
-            raise ValueError("nothing would end this run; set budget.measurements, budget.rig_hours or stop.energy_error")
+        if (
+            self.budget.measurements is None
+            and self.budget.rig_hours is None
+            and self.stop.energy_error is None
+            and self.stop.ess is None
+        ):
+            raise ValueError(
+                "nothing would end this run; set budget.measurements, budget.rig_hours or stop.energy_error"
+            )
         return self

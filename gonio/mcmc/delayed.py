@@ -24,16 +24,16 @@ class Delayed:
         self.kernels = [(inner, 1)]
         self.fit_surrogate = fit_surrogate
         self.screen: Callable[[Array, Array], Array] | None = None
-        self._data: tuple[Array, ...] | None = None
+        self._data: tuple[Array, Array, Array] | None = None
 
     def learn(self, target: Target, wi: Array, wo: Array, f: Array, log_q: Array) -> None:
         if self.fit_surrogate is None or len(wi) < 50 or not (f > 0).any():
             return
         self._data = (wi.copy(), wo.copy(), f.copy())
-        self._fit()
+        self._fit(*self._data)
 
-    def _fit(self) -> None:
-        wi, wo, f = self._data
+    def _fit(self, wi: Array, wo: Array, f: Array) -> None:
+        assert self.fit_surrogate is not None  # nothing learnt or restored without one
         brdf = self.fit_surrogate(wi, wo, f)
         floor = FLOOR * np.median(np.maximum(f, 0), axis=0) + 1e-12
         self.screen = lambda a, b: brdf.eval(a, b) + floor
@@ -43,5 +43,5 @@ class Delayed:
 
     def restore(self, state: dict[str, Any]) -> None:
         if state:
-            self._data = tuple(np.array(state[k]) for k in ("wi", "wo", "f"))
-            self._fit()
+            self._data = (np.array(state["wi"]), np.array(state["wo"]), np.array(state["f"]))
+            self._fit(*self._data)

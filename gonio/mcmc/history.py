@@ -20,7 +20,9 @@ class History:
         n = self.count + len(ids)
         if n > len(self._columns[0]):
             size = max(256, 2 * n)
-            self._columns = [np.concatenate([c[: self.count], np.empty((size - self.count, *c.shape[1:]))]) for c in self._columns]
+            self._columns = [
+                np.concatenate([c[: self.count], np.empty((size - self.count, *c.shape[1:]))]) for c in self._columns
+            ]
         for column, new in zip(self._columns, (ids, wi, wo, f, log_q)):
             column[self.count : n] = new
         self.count = n

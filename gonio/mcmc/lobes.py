@@ -7,7 +7,7 @@ from gonio.geometry import Array, half_vector
 LOG_4PI = np.log(4 * np.pi)
 
 
-def log_vndf(wi: Array, wo: Array, alpha_x: Array, alpha_y: Array) -> Array:
+def log_vndf(wi: Array, wo: Array, alpha_x: Array | float, alpha_y: Array | float) -> Array:
     """log of D_wi(h) / (4 wo.h) = log of D(h) G1(wi) / (4 cos theta_i), (N, K) for (N, 3) pairs and (K,) lobes.
 
     The pdf in solid angle of wo of the GGX normals visible from wi (Heitz 2018). G1 / cos theta_i is written as

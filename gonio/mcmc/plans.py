@@ -8,7 +8,6 @@ each of which leaves the target alone leaves it alone.
 from collections.abc import Callable
 from typing import Any
 
-
 from gonio.config.material import SamplerConfig
 from gonio.geometry import Array
 from gonio.mcmc.proposals.independence import Independence, single_lobe
@@ -39,7 +38,12 @@ class Fixed:
 
 def plain_proposal(name: str, c: SamplerConfig, anisotropic: bool):
     """The proposal of that name with the config's numbers."""
-    cube: dict[str, Any] = {"anisotropic": anisotropic, "sigma": c.sigma, "global_share": c.global_share, "boundary": c.boundary}
+    cube: dict[str, Any] = {
+        "anisotropic": anisotropic,
+        "sigma": c.sigma,
+        "global_share": c.global_share,
+        "boundary": c.boundary,
+    }
     alpha_y = c.alpha if c.alpha_y is None else c.alpha_y
     if name == "pss_simple":
         return PssSimple(**cube)
@@ -73,5 +77,3 @@ def make_plan(c: SamplerConfig, anisotropic: bool, fit_surrogate: Callable | Non
 
 def make_target(c: SamplerConfig, channels: int) -> Target:
     return Target(c.target.channels, c.target.power, c.target.floor, channels)
-
-

@@ -39,7 +39,9 @@ class Steps:
 
     @classmethod
     def concatenate(cls, parts: list["Steps"]) -> "Steps":
-        return cls(*(np.concatenate([getattr(p, k.name) for p in parts]) for k in fields(cls))) if parts else cls.empty()
+        return (
+            cls(*(np.concatenate([getattr(p, k.name) for p in parts]) for k in fields(cls))) if parts else cls.empty()
+        )
 
     @classmethod
     def empty(cls) -> "Steps":
@@ -51,7 +53,7 @@ class StepLog:
     """Collects columns of steps, all chains at once, and hands them out as `Steps`."""
 
     def __init__(self, chains: int):
-        self.chains = np.arange(chains, dtype=np.int32)
+        self.index = np.arange(chains, dtype=np.int32)
         self._columns: list[tuple] = []
         self._pilot: list[Steps] = []
 
@@ -73,6 +75,7 @@ class StepLog:
         if not columns:
             return Steps.concatenate(pilot)
         step, *rest = zip(*columns)
-        n = len(self.chains)
-        rows = Steps(np.tile(self.chains, len(step)), np.repeat(np.array(step, np.int64), n), *map(np.concatenate, rest))
+        n = len(self.index)
+        columns_of: list = [np.concatenate(c) for c in rest]
+        rows = Steps(np.tile(self.index, len(step)), np.repeat(np.array(step, np.int64), n), *columns_of)  # type: ignore[call-arg] # fields in order
         return Steps.concatenate([*pilot, rows]) if pilot else rows

@@ -27,7 +27,7 @@ ELEVATIONS = (
 
 @dataclass(frozen=True)
 class Dictionary:
-    """The lobes a mixture may use: K GGX ones by (alpha_x, alpha_y), then a cosine and a uniform one; times elevations."""
+    """The lobes a mixture may use: K GGX ones by (alpha_x, alpha_y), then a cosine and a uniform; times elevations."""
 
     alpha_x: Array
     alpha_y: Array

@@ -1,6 +1,6 @@
 """Primary sample space that stretches a glossy peak: theta_h by the cumulative of the GGX distribution.
 
-u1 = tan^2 theta_h / (alpha^2 + tan^2 theta_h), theta_d = u2 pi/2, phi_d = u3 pi (anisotropic: 2 pi, and phi_h = 2 pi u4).
+u1 = tan^2 theta_h / (alpha^2 + tan^2 theta_h), theta_d = u2 pi/2, phi_d = u3 pi; anisotropic: 2 pi u3, phi_h = 2 pi u4.
 The space of `auto`'s local moves: a step of fixed size in u1 is small at the peak and large in the tail.
 """
 
@@ -11,7 +11,9 @@ from gonio.mcmc.proposals.pss_simple import PI, PssSimple
 
 
 class PssNdf(PssSimple):
-    def __init__(self, alpha: float, *, anisotropic: bool, sigma: float, global_share: float, boundary: str = "reflect"):
+    def __init__(
+        self, alpha: float, *, anisotropic: bool, sigma: float, global_share: float, boundary: str = "reflect"
+    ):
         super().__init__(anisotropic=anisotropic, sigma=sigma, global_share=global_share, boundary=boundary)
         self.alpha = alpha
 

@@ -17,7 +17,9 @@ PI = np.pi
 
 
 class PssVndf:
-    def __init__(self, alpha_x: float, alpha_y: float, *, anisotropic: bool, sigma: float, global_share: float, boundary: str):
+    def __init__(
+        self, alpha_x: float, alpha_y: float, *, anisotropic: bool, sigma: float, global_share: float, boundary: str
+    ):
         self.ndf = GgxNdf(alpha_x, alpha_y)
         self.anisotropic = anisotropic
         # u2 is an azimuth of full period; u3 an elevation; u4 an azimuth again
@@ -42,7 +44,11 @@ class PssVndf:
         scale = np.array([self.ndf.alpha_x, self.ndf.alpha_y, 1.0])
         v, m = unit(wi * scale), unit(half_vector(wi, wo) / scale)
         cap = reflect(v, m)
-        u = [np.clip((1 - cap[:, 2]) / (1 + v[:, 2]), 0, 1), np.arctan2(cap[:, 1], cap[:, 0]) / (2 * PI) % 1, 1 - wi[:, 2]]
+        u = [
+            np.clip((1 - cap[:, 2]) / (1 + v[:, 2]), 0, 1),
+            np.arctan2(cap[:, 1], cap[:, 0]) / (2 * PI) % 1,
+            1 - wi[:, 2],
+        ]
         if self.anisotropic:
             u.append(to_angles(wi)[1] / (2 * PI) % 1)
         return np.stack(u)

@@ -52,7 +52,9 @@ class Vmf:
         fresh = np.concatenate([_hemisphere(r[0], r[1]).T, _hemisphere(r[2], r[3]).T])
         if u is None:
             return fresh, np.full(len(coin), GLOBAL, np.int8)
-        moved = np.concatenate([sample_vmf(u[:3].T, self.kappa, r[0], r[1]).T, sample_vmf(u[3:].T, self.kappa, r[2], r[3]).T])
+        moved = np.concatenate(
+            [sample_vmf(u[:3].T, self.kappa, r[0], r[1]).T, sample_vmf(u[3:].T, self.kappa, r[2], r[3]).T]
+        )
         jump = coin < self.global_share
         return np.where(jump, fresh, moved), np.where(jump, GLOBAL, LOCAL).astype(np.int8)
 

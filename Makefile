@@ -1,0 +1,48 @@
+# make demo: measure a material and look at it.   make test: everything CI checks by running.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+RUN ?= runs/demo
+SHARED := $(abspath ../shared/materials/rgl)
+ifneq ($(wildcard $(SHARED)/*.bsdf),)
+export GONIO_MATERIALS ?= $(SHARED)
+endif
+# one thread a process: two busy processes with two OpenMP threads each are far slower than with one
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+export MPLCONFIGDIR := $(abspath $(VENV))/matplotlib
+
+.PHONY: help demo test lint clean
+help:
+	@echo "make demo   measure chm_orange on a simulated rig: BRDF, .bsdf and report in $(RUN)"
+	@echo "make test   the whole test suite"
+	@echo "make lint   ruff, types, import directions"
+
+$(VENV)/base: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install -q --disable-pip-version-check -e .
+	touch $@
+
+# torch first and pinned: a plain `torch` brings gigabytes of CUDA
+$(VENV)/all: $(VENV)/base
+	$(BIN)/pip install -q --disable-pip-version-check torch==2.13.0
+	$(BIN)/pip install -q --disable-pip-version-check -e '.[all]'
+	touch $@
+
+demo: $(VENV)/base
+	rm -rf $(RUN)
+	@$(BIN)/gonio materials fetch --missing --within 10 chm_orange || echo 'no measured table: the fit that ships is measured instead'
+	$(BIN)/gonio acquire configs/materials/chm_orange.yaml --rig configs/rigs/sim.yaml --out $(RUN)
+	$(BIN)/gonio evaluate $(RUN)
+
+test: $(VENV)/all
+	$(BIN)/python -m pytest -n 2 --dist worksteal
+
+lint: $(VENV)/all
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python tests/imports.py
+
+clean:
+	rm -rf $(VENV) runs/demo
