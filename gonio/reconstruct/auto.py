@@ -5,6 +5,7 @@ import numpy as np
 from gonio.brdf.half_sampler import HalfSampler
 from gonio.geometry import Array, from_angles
 from gonio.reconstruct.clean import clean
+from gonio.reconstruct.held_out import energy_weights, solid_angles
 from gonio.reconstruct.patches import Patches, left_out
 from gonio.reconstruct.residual import LogRatio
 from gonio.reconstruct.robust_base import Angles, RobustBase
@@ -53,25 +54,22 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Aut
     base = RobustBase.fit(a, g, ratio.floor, rng)
     b = base(a)
     y, variance = ratio.forward(g, b), ratio.variance(g, sigma, b)
-    test = rng.choice(len(s), min(len(s), 700), replace=False)
+    test = rng.choice(len(s), min(len(s), 800), replace=False)
+    first = Stretch(peak_width(a, g))
+    weight = energy_weights(a.at(test), g[test], solid_angles(first, a)[test])
 
     def error(stretch: Stretch) -> float:
-        x = stretch(a)
-        said = ratio.inverse(left_out(x, y, variance, test), b[test])
-        return energy_error(a, test, said, g[test], weights[test])
+        said = ratio.inverse(left_out(stretch(a), y, variance, test), b[test])
+        return float((np.abs(said - g[test]) * weight).sum())
 
-    first = Stretch(0.1)
-    weights = np.ones(len(s))
-    best, least = first, np.inf
-    for t0 in np.geomspace(0.003, 1, 8):
-        if (e := error(Stretch(t0))) < least:
-            best, least = Stretch(t0), e
-    for azimuth, elevation in ((0.4, 1.2), (1.2, 1.2), (0.7, 2.0), (0.7, 0.7), (1.2, 2.5)):
-        if (e := error(Stretch(best.t0, azimuth, elevation))) < least:
-            best, least = Stretch(best.t0, azimuth, elevation), e
-    return AutoBrdf(base, ratio, best, Patches(best(a), y, variance), least)
+    tried = {stretch: error(stretch) for stretch in [Stretch(t0) for t0 in first.t0 * np.geomspace(1/8,8,7)]}
+    best = min(tried, key=lambda k: tried[k])
+    for azimuth, elevation in OPTS:
+        stretch = Stretch(best.t0, azimuth, elevation); tried[stretch] = error(stretch)
+    best = min(tried, key=lambda k: tried[k])
+    return AutoBrdf(base, ratio, best, Patches(best(a), y, variance), tried[best])
+OPTS=((0.5,0.55),(1.0,0.55),(0.7,0.35),(0.7,0.8))
 
-
-def energy_error(a, test, said, g, weight):
-    gap = np.abs(said - g) / (g.mean(0) + g)
-    return float((gap * weight[:, None]).mean())
+def peak_width(a: Angles, g: Array) -> float:
+    bright = np.argsort(-(g/g.mean(0)).sum(1))[:max(10, len(g)//20)]
+    return float(np.clip(np.median(a.theta_h[bright]), 0.004, 1.0))

@@ -2,12 +2,12 @@
 
     g = (a + b s) cos(theta_o) + c + d s + sum_k D_k(theta_h) / (4 cos theta_d) (p_k + q_k s) (1 or m)
 
-with D_k = GGX of fixed roughness alpha_k, s = (1 - cos theta_d)^5 (Schlick 1994) and m = 2 cos_o / (cos_i + cos_o), which
-fades towards the horizon of wo; measured tables want both, those that fade and those that do not. Linear in the weights,
-so non-negative least squares finds the optimum; the log loss by reweighting, starting nowhere near a local minimum.
+with D_k = GGX of fixed roughness alpha_k, s = (1 - cos theta_d)^5 (Schlick 1994), m = 2 cos_o / (cos_i + cos_o), which
+fades towards the horizon of wo; measured tables want both, those that fade and those that do not. Linear in the
+weights, so non-negative least squares finds the optimum; the log loss by reweighting, starting nowhere near a local minimum.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from gonio.geometry import Array, to_half_diff
 
 ALPHA = np.geomspace(0.002, 0.8, 12)
 MOST = 3000
+SUPPORT = 8
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,10 @@ class Angles:
     def of(cls, wi: Array, wo: Array) -> "Angles":
         theta_h, _, theta_d, phi_d = to_half_diff(wi, wo)
         return cls(theta_h, theta_d, np.abs(phi_d), np.maximum(wi[:, 2], 1e-6), np.maximum(wo[:, 2], 1e-6))
+
+    def at(self, index) -> "Angles":
+        """Those at `index`."""
+        return Angles(*(getattr(self, k.name)[index] for k in fields(self)))
 
 
 class RobustBase:
@@ -49,7 +54,7 @@ class RobustBase:
         from scipy.optimize import nnls
 
         pick = rng.choice(len(g), MOST, replace=False) if len(g) > MOST else np.arange(len(g))
-        columns, weights = dictionary(a)[pick], []
+        columns, weights = dictionary(a)[pick] * supported(a), []
         for c in range(g.shape[1]):
             y = np.maximum(g[pick, c], 0) + floor[c]
             energy = y**0.1  # a little more say to what carries energy: the least error of the final result
@@ -75,6 +80,14 @@ def dictionary(a: Angles) -> Array:
     d = lobes(a.theta_h) / (4 * cos_d[:, None])
     s, m = schlick[:, None], fading[:, None]
     return np.concatenate([np.stack([a.cos_o, schlick * a.cos_o, one, schlick], 1), d, d * s, d * m, d * m * s], 1)
+
+
+def supported(a: Angles) -> Array:
+    """1 for the columns that samples can tell apart from nothing, 0 for peaks narrower than any sample has seen, (K,)."""
+    inside = a.theta_h[:, None] < ALPHA
+    grazing = inside & (np.cos(a.theta_d) < 0.4)[:, None]
+    plain, schlick = ((n.sum(0) >= SUPPORT).astype(float) for n in (inside, grazing))
+    return np.concatenate([np.ones(4), plain, schlick, plain, schlick])
 
 
 def lobes(theta_h: Array) -> Array:

@@ -1,8 +1,11 @@
-"""Coordinates in which the residual of a reflectance is smooth: the peak stretched, no seam where phi_d means nothing.
+"""Coordinates in which the residual of a reflectance is smooth: peak and horizon stretched, no seam at theta_d = 0.
 
-    (asinh(theta_h / t0),  s sin(theta_d) cos(phi_d),  s sin(theta_d) |sin(phi_d)|,  e theta_d)
+    asinh(theta_h / t0),  s sin(theta_d) cos(phi_d),  s sin(theta_d) |sin(phi_d)|,
+    e (theta_d - q ln(cos(theta_d) + c)),  r ln((cos_o + c') / (cos_i + c'))
 
 t0 is about the width of the peak. phi_d keeps its say at theta_h = 0, since the peaks of real samples do not sit there.
+The fourth coordinate spends length towards grazing, where Fresnel and masking change fast; the fifth tells a pair from
+its mirror in reciprocity and a wo near the horizon from one that is not (docs/reconstruction.md has what each is worth).
 """
 
 from dataclasses import dataclass
@@ -12,6 +15,9 @@ import numpy as np
 from gonio.geometry import Array
 from gonio.reconstruct.robust_base import Angles
 
+GRAZING, GRAZING_AT = 1.2, 0.08
+RATIO, RATIO_AT = 0.3, 0.02
+
 
 @dataclass(frozen=True)
 class Stretch:
@@ -19,17 +25,24 @@ class Stretch:
 
     t0: float
     azimuth: float = 0.7
-    elevation: float = 1.2
+    elevation: float = 0.55
 
     def __call__(self, a: Angles) -> Array:
-        """(N, 4)."""
+        """(N, 5)."""
         s = self.azimuth * np.sin(a.theta_d)
         return np.stack(
-            [np.arcsinh(a.theta_h / self.t0), s * np.cos(a.phi_d), s * np.sin(a.phi_d), self.elevation * a.theta_d], 1
+            [
+                np.arcsinh(a.theta_h / self.t0),
+                s * np.cos(a.phi_d),
+                s * np.sin(a.phi_d),
+                self.elevation * (a.theta_d - GRAZING * np.log(np.cos(a.theta_d) + GRAZING_AT)),
+                RATIO * np.log((a.cos_o + RATIO_AT) / (a.cos_i + RATIO_AT)),
+            ],
+            1,
         )
 
     def measure(self, a: Angles) -> Array:
-        """|dwi dwo| per volume of the stretched space, (N,): turns a count per volume into one per solid angles."""
-        stretch = np.hypot(self.t0, a.theta_h)
-        sheet = np.maximum(self.azimuth * np.hypot(self.azimuth * np.cos(a.theta_d), self.elevation), 1e-9)
-        return 4 * np.cos(a.theta_d) * np.sin(a.theta_h) * stretch / sheet
+        """|dwi dwo| per volume of the first four coordinates, (N,): counts per volume become counts per solid angles."""
+        s, c = np.sin(a.theta_d), np.cos(a.theta_d)
+        sheet = self.azimuth * np.hypot(self.azimuth * c, self.elevation * (1 + GRAZING * s / (c + GRAZING_AT)))
+        return 4 * c * np.sin(a.theta_h) * np.hypot(self.t0, a.theta_h) / sheet
