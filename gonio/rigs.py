@@ -16,7 +16,8 @@ def open_rig(
 
     plan says which savings of motion to use (all defaults if None), isotropic whether the sample is, so that a turned
     table and the mirror image show the same. The noise of a simulated rig follows from `seed`.
-    Raises ConfigError where truth is given to a real rig or missing for a simulated one; DeviceFault, CalibrationMissing.
+    Raises ConfigError where truth is given to a real rig or missing for a simulated one; DeviceFault;
+    CalibrationMissing.
     """
     plan = plan or PlanConfig()
     if config.depth == "real":
@@ -33,4 +34,10 @@ def open_rig(
         from sim.ideal import IdealRig
 
         return IdealRig(config, sample, plan, isotropic)
-    raise ConfigError(f"depth: rig {config.name} asks for {config.depth}, which does not exist yet; use ideal")
+    if config.depth == "devices":
+        from sim.rig import open_sim
+
+        return open_sim(config, sample, seed, plan, isotropic)
+    raise ConfigError(
+        f"depth: rig {config.name} asks for {config.depth}, which does not exist yet; use ideal or devices"
+    )

@@ -19,8 +19,6 @@ from gonio.rig.devices import Visited
 from gonio.rig.plan import Planner
 from sim.sample import Sample
 
-CHUNK = 1024  # measurements between two chances to store; about 10 ms
-
 
 class IdealRig:
     """Implements `gonio.rig.devices.Rig`. Seconds pass on `clock` only."""
@@ -43,21 +41,19 @@ class IdealRig:
         return self.envelope.reachable(wi, wo)
 
     def visit(self, wi: Array, wo: Array, ids: NDArray[np.int64]) -> Iterator[Visited]:
-        """Chunks of measurements in the planned order; pairs out of reach come last, as NaN."""
+        """Tours (`plan.window` measurements at most) in the planned order; pairs out of reach come last, as NaN."""
         self._stopped = False
         wi, wo, ids = np.asarray(wi, float), np.asarray(wo, float), np.asarray(ids)
         still = self.config.settle_s + self.config.exposure_s
         left = len(wi)
         for tour in self.planner.tours(wi, wo, self._pose):
-            for begin in range(0, len(tour.which), CHUNK):
-                if self._stopped:
-                    return
-                part = slice(begin, begin + CHUNK)
-                which, seconds = tour.which[part], tour.seconds[part] + still
-                self._pose = tour.poses[part][-1]
-                self.clock.sleep(float(seconds.sum()))
-                left -= len(which)
-                yield self._visited(ids, wi, wo, which, seconds)
+            if self._stopped:
+                return
+            seconds = tour.seconds + still
+            self._pose = tour.poses[-1]
+            self.clock.sleep(float(seconds.sum()))
+            left -= len(tour.which)
+            yield self._visited(ids, wi, wo, tour.which, seconds)
         if left and not self._stopped:
             seen = self.reachable(wi, wo)
             yield self._visited(ids, wi, wo, np.flatnonzero(~seen), np.zeros(int((~seen).sum())))

@@ -9,8 +9,8 @@ from gonio.geometry import Array
 class Sample:
     """What a detector of half-angle `seen` sees of `truth` under a light of half-angle `lit` (both rad).
 
-    The mean of f cos(theta_i) over both cones (quadrature: a centre and two rings), divided by the cosine at the centre: the f
-    that a reduction for point apertures would report. With both 0 it is `truth.eval`.
+    The mean of f cos(theta_i) over both cones (quadrature), divided by the cosine at the centre: the f that a
+    reduction for point apertures would report. With both 0 it is `truth.eval`.
     """
 
     def __init__(self, truth: Brdf, lit: float = 0.0, seen: float = 0.0):
@@ -35,8 +35,7 @@ class Sample:
 
 
 def _disk(half_angle: float) -> tuple[Array, Array]:
-    """Points (Q, 2) in a disk and weights (Q,): exact for polynomials of degree 5 (Abramowitz & Stegun 25.4.62, 9 points
-    on two rings of 4 and 4 would do; here the 7-point rule of degree 5)."""
+    """Points (7, 2) in a disk and weights (7,), exact to degree 5 (Abramowitz & Stegun 25.4.61)."""
     if half_angle == 0:
         return np.zeros((1, 2)), np.ones(1)
     angle = np.arange(6) * np.pi / 3

@@ -86,14 +86,14 @@ class Acceptance(Section):
 
 
 class PhotodiodeConfig(Section):
-    """Noise and range of the detector, in units of its signal from a white diffuser lit and seen at the normal (f = 1/pi)."""
+    """Noise and range of the detector. Unit: its signal from a white diffuser lit and seen at the normal (f = 1/pi)."""
 
     shot_noise: float = Field(0.005, ge=0, le=1, description="relative, at signal 1; grows as the root of the signal")
     read_noise: float = Field(1e-4, ge=0, le=1, description="per reading")
     bits: int = Field(16, ge=1, le=32, description="of the converter; see `ranges`")
     ranges: int = Field(3, ge=1, le=8)
     range_factor: float = Field(30.0, gt=1, le=1e4)
-    full_scale: float = Field(2.0, gt=0, description="of the lowest range")
+    full_scale: float = Field(8.0, gt=0, description="of the lowest range")
     dark: float = Field(1e-3, description="signal without light")
     nonlinearity: float = Field(0.0, ge=-0.1, le=0.1, description="relative deviation at the full scale of a range")
     footprint: Literal["overfilled", "underfilled"] = Field(

@@ -8,6 +8,7 @@ from gonio.geometry import Array
 from gonio.rig.devices import Axis
 from gonio.rig.envelope import Envelope
 from gonio.rig.kinematics import Gantry, Kinematics
+from gonio.rig.radiometry import Radiometry, nominal
 
 
 def axes_of(config: RigConfig) -> tuple[Axis, ...]:
@@ -35,3 +36,9 @@ def envelope_of(config: RigConfig) -> Envelope:
 def park_pose(config: RigConfig) -> Array:
     """The pose of rest (A,)."""
     return np.radians([config.park_deg.get(name, 0.0) for name in config.axis_names])
+
+
+def radiometry_of(config: RigConfig, channels: int) -> Radiometry:
+    """How readings become f. Simulated rigs without a calibration know their nominal gain."""
+    p = config.photodiode
+    return nominal(channels, config.exposure_s, p.footprint, p.nonlinearity)

@@ -24,7 +24,11 @@ class Axis:
 
 @dataclass(frozen=True)
 class Reading:
-    """One reading of a detector, dark-subtracted or not as the detector says: per channel value and sigma (C,)."""
+    """One reading: per channel signal and its sigma (C,), over the whole exposure, dark NOT subtracted.
+
+    raw is what the device itself said, JSON; `exposure_s` (seconds) is always there, `full_scale` (C,) of the ranges
+    used where the device has ranges.
+    """
 
     value: Array
     sigma: Array
@@ -33,7 +37,7 @@ class Reading:
 
 
 class Stage(Protocol):
-    """Axes that move together. Poses are (A,) radians in the order of `axes`."""
+    """Axes that start and stop together: a move is a straight line in joint space. Poses are (A,) radians."""
 
     @property
     def axes(self) -> tuple[Axis, ...]: ...
@@ -42,7 +46,18 @@ class Stage(Protocol):
         """Go there and come to rest; the pose achieved. Raises DeviceFault, SafetyStop; late = `deadline` seconds."""
         ...
 
-    def pose(self) -> Array: ...
+    def pose(self) -> Array:
+        """What the encoders say."""
+        ...
+
+    @property
+    def homed(self) -> bool:
+        """Whether `pose` can be believed; nothing may move on a plan before."""
+        ...
+
+    def home(self) -> None:
+        """Find or confirm the zero of every axis. Raises DeviceFault."""
+        ...
 
     def stop(self) -> None:
         """Halt all axes where they are, at once."""
@@ -52,6 +67,12 @@ class Stage(Protocol):
 
 
 class Detector(Protocol):
+    """Reads (C,) signals in a unit of its own, which `gonio.rig.radiometry` turns into f."""
+
+    def expect(self, signal: Array | None) -> None:
+        """About what the next reading will be, None = unknown: saves trials of ranges or exposures. May be ignored."""
+        ...
+
     def read(self, exposure: float | None = None) -> Reading:
         """One reading; exposure in seconds, None = the detector's own choice."""
         ...

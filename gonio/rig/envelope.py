@@ -4,6 +4,8 @@ What may be measured is decided here before sampling, so that it is the support 
 checked along its whole path.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +13,9 @@ from gonio.geometry import Array
 from gonio.rig.devices import Axis
 from gonio.rig.kinematics import Gantry, Kinematics
 
-TOLERANCE = np.radians(0.02)  # a path is looked at in steps this fine where it is near the cone
+TOLERANCE = np.radians(0.02)  # nearer to the cone than this is in it
+MAX_STEPS = 400  # along a path; whoever creeps along the cone for longer had better go round
+MAX_PAIRS = 1000  # pairs of waypoints tried before a way is given up
 
 
 class Envelope:
@@ -47,8 +51,13 @@ class Envelope:
         grid = np.where(self.resolution > 0, self.resolution, 1.0)
         return np.where(self.resolution > 0, np.round(poses / grid) * grid, poses)
 
+    def snap_axis(self, axis: int, angle: Array) -> Array:
+        """The nearest angles that one encoder can show."""
+        step = self.resolution[axis]
+        return np.round(angle / step) * step if step else angle
+
     def fit(self, poses: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Poses (N, B, A) snapped to counts, with every way round that an axis has: (N, B W, A), and which are allowed."""
+        """Poses (N, B, A) snapped to counts, with every way round an axis: (N, B W, A); and which are allowed."""
         if len(self._turns) > 1:
             poses = (poses[:, :, None, :] + self._turns).reshape(len(poses), -1, poses.shape[-1])
         poses = self.snap(poses)
@@ -56,17 +65,70 @@ class Envelope:
 
     def inside(self, poses: Array) -> NDArray[np.bool_]:
         """Which poses (..., A) lie within the limits of every axis; NaN does not."""
-        return ((poses >= self._low) & (poses <= self._high)).all(-1)
-
-    def clear(self, poses: Array) -> NDArray[np.bool_]:
-        """Which poses keep the arms apart."""
-        if self.stay_out == 0:
-            return np.ones(np.shape(poses)[:-1], bool)
-        return self.separation(poses) >= self.stay_out
+        return np.asarray(((poses >= self._low) & (poses <= self._high)).all(-1))
 
     def separation(self, poses: Array) -> Array:
         """Angle between the arms, rad."""
         return _angle(*self.kinematics.forward(poses))
+
+    def path_clear(self, a: Array, b: Array) -> NDArray[np.bool_]:
+        """Which straight moves from a (M, A) to b (M, A) keep the arms apart all the way.
+
+        The angle between the arms changes by no more than their joints turn, so it is safe to step on by as much as is
+        left (conservative advancement); closer than TOLERANCE to the cone counts as in it, and so does creeping along.
+        """
+        clear = np.ones(len(a), bool)
+        if self.stay_out == 0:
+            return clear
+        turn = np.abs((b - a)[:, self.kinematics.arms]).sum(-1)
+        t, going = np.zeros(len(a)), np.arange(len(a))
+        for _ in range(MAX_STEPS):
+            at = t[going]
+            left = self.separation(a[going] + at[:, None] * (b - a)[going]) - self.stay_out
+            clear[going[left < TOLERANCE]] = False
+            go_on = (left >= TOLERANCE) & (at < 1)
+            going, left = going[go_on], left[go_on]
+            if not len(going):
+                return clear
+            t[going] = np.minimum(t[going] + left / np.maximum(turn[going], 1e-12), 1)
+        clear[going] = False
+        return clear
+
+    def route(self, a: Array, b: Array, seconds: Callable[[Array], Array]) -> Array | None:
+        """Poses (K, A) to go through from a to b (both (A,)), b last; K = 1 if the straight way is clear. None: no way.
+
+        seconds gives the travel time of joint distances (..., A); of all the ways looked at, the fastest is taken.
+        """
+        if self.path_clear(a[None], b[None])[0]:
+            return b[None]
+        via = self._waypoints(a, b)
+        there, back = (
+            self.path_clear(np.broadcast_to(a, via.shape), via),
+            self.path_clear(via, np.broadcast_to(b, via.shape)),
+        )
+        first, last = via[there], via[back]
+        both = via[there & back]
+        if len(both):
+            return np.stack([both[int((seconds(both - a) + seconds(b - both)).argmin())], b])
+        if not len(first) or not len(last):
+            return None
+        time = seconds(first - a)[:, None] + seconds(last[None] - first[:, None]) + seconds(b - last)
+        for k in np.argsort(time, axis=None)[:MAX_PAIRS].reshape(-1, 50):
+            i, j = np.unravel_index(k, time.shape)
+            ok = np.flatnonzero(self.path_clear(first[i], last[j]))
+            if len(ok):
+                return np.stack([first[i[ok[0]]], last[j[ok[0]]], b])
+        return None
+
+    def _waypoints(self, a: Array, b: Array) -> Array:
+        """Poses (V, A) to try on the way from a to b: each arm joint at either end's angle or well inside its range."""
+        values = []
+        for k, arm in enumerate(self.kinematics.arms):
+            low, span = self.lower[k], self.upper[k] - self.lower[k]
+            inner = self.snap_axis(k, low + span * np.array([0.07, 0.25, 0.75, 0.93])).tolist() if arm else []
+            values.append([b[k], *([a[k], *inner] if arm else [])])
+        via = np.stack(np.meshgrid(*values, indexing="ij"), -1).reshape(-1, len(values))
+        return via[self.inside(via) & (self.separation(via) >= self.stay_out + 2 * TOLERANCE)]
 
     def reachable(self, wi: Array, wo: Array) -> NDArray[np.bool_]:
         """Which pairs (N, 3), (N, 3) the rig can show: both above the horizon, apart, and within the limits."""
@@ -91,4 +153,5 @@ class Envelope:
 
 
 def _angle(a: Array, b: Array) -> Array:
-    return 2 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
+    difference, total = a - b, a + b
+    return 2 * np.arctan2(np.sqrt((difference * difference).sum(-1)), np.sqrt((total * total).sum(-1)))

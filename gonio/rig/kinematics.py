@@ -9,8 +9,9 @@ At a pole (light or detector on the normal) one angle means nothing: it keeps th
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gonio.geometry import Array, from_angles
+from gonio.geometry import Array
 
 POLE = 1e-12  # sin(theta) below which an azimuth is rounding noise
 
@@ -18,8 +19,11 @@ POLE = 1e-12  # sin(theta) below which an azimuth is rounding noise
 class Kinematics(Protocol):
     """One geometry of rig. `arms` (A,) marks the axes that change the angle between the two arms."""
 
-    names: tuple[str, ...]
-    arms: np.ndarray
+    @property
+    def names(self) -> tuple[str, ...]: ...
+
+    @property
+    def arms(self) -> NDArray[np.bool_]: ...
 
     def forward(self, pose: Array) -> tuple[Array, Array]:
         """(wi, wo), each (..., 3), of poses (..., A)."""
@@ -45,8 +49,16 @@ class Gantry:
     arms = np.array([True, False, True, True])
 
     def forward(self, pose: Array) -> tuple[Array, Array]:
-        light, table, detector, azimuth = np.moveaxis(np.asarray(pose, float), -1, 0)
-        return from_angles(light, -table), from_angles(detector, azimuth - table)
+        pose = np.asarray(pose, float)
+        theta = pose[..., 0::2]
+        phi = pose[..., 1::2] * _MINUS_PLUS
+        phi[..., 1] -= pose[..., 1]
+        both = np.empty((*theta.shape, 3))  # light, detector
+        sine = np.sin(theta)
+        np.multiply(sine, np.cos(phi), out=both[..., 0])
+        np.multiply(sine, np.sin(phi), out=both[..., 1])
+        np.cos(theta, out=both[..., 2])
+        return both[..., 0, :], both[..., 1, :]
 
     def inverse(self, wi: Array, wo: Array, near: Array) -> Array:
         theta_i, phi_i, pole_i = _polar(wi)
@@ -73,6 +85,7 @@ _PI_L = np.pi * (_SIGN_L < 0)
 _PI_D = np.pi * (_SIGN_D < 0)
 _PI_LD = np.pi * (_SIGN_L != _SIGN_D)
 _TURN = 2 * np.pi
+_MINUS_PLUS = np.array([-1.0, 1.0])
 
 
 def _branches(theta_i: Array, table, theta_o: Array, azimuth: Array, pole: np.ndarray, near: Array) -> Array:

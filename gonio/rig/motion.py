@@ -27,7 +27,7 @@ def progress(delta: Array, velocity: Array, acceleration: Array, t: float) -> fl
     cruise, ramp = float((d / velocity).max()), float((d / acceleration).max())
     if ramp == 0:
         return 1.0
-    total = float(_time(np.float64(cruise), np.float64(ramp)))
+    total = float(_time(np.array(cruise), np.array(ramp)))
     t = min(max(t, 0.0), total)
     late, a = total - t, 1 / ramp
     t_ramp = min(ramp / cruise, total / 2)

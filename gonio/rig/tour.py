@@ -16,12 +16,12 @@ FAR = 1e9  # rad: stands for a pose that is not allowed
 
 
 def nearest_neighbour(start: Array, poses: Array, velocity: Array) -> tuple[Order, Order]:
-    """Order (N,) and branches (N,) of always going to the nearest of what is left; poses (N, B, A), FAR = not allowed."""
+    """Order (N,) and branches (N,) of always going to the nearest of what is left; poses (N, B, A)."""
     n, b, a = poses.shape
     axes = [np.ascontiguousarray((poses[:, :, k] / velocity[k]).ravel()) for k in range(a)]
     left = np.arange(n)
     order, branch = np.empty(n, int), np.empty(n, int)
-    here = start / velocity
+    here = list(start / velocity)
     for step in range(n):
         far = np.abs(axes[0] - here[0])
         for k in range(1, a):

@@ -1,5 +1,7 @@
 """Tours: everything is visited once, poses show what was asked, and each switch saves time."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -53,7 +55,7 @@ def test_each_switch_saves_time():
         PlanConfig(reciprocity=True),
     ]
     spent = [drive(SIM, p, True, wi, wo)[2].sum() for p in plans]
-    assert all(b < a for a, b in zip(spent, spent[1:])), spent
+    assert all(b < a for a, b in pairwise(spent)), spent
     assert spent[3] < spent[0] / 2.5, spent
 
 
@@ -67,7 +69,7 @@ def test_improvements_keep_a_permutation_and_never_lengthen():
     for seed in range(20):
         x = np.random.default_rng(seed).random((40, 2))
         cost = np.abs(x[:, None] - x).max(-1)
-        length = lambda t: cost[t[:-1], t[1:]].sum()
+        length = lambda t, cost=cost: cost[t[:-1], t[1:]].sum()
         order = np.arange(40)
         for step in (two_opt, or_opt):
             better = step(cost, order)

@@ -1,0 +1,279 @@
+"""A rig made of devices: a stage, a detector, a light; simulated, on a wire, or real, all driven by this one class.
+
+    for each pair, in the planned order:
+        move (round the stay-out cone, from below against backlash) -> settle -> read -> reduce
+
+Nothing moves before homing is confirmed, outside the limits, or into the cone. After a fault the light is off.
+"""
+
+import base64
+import json
+import threading
+import zlib
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gonio.config.plan import PlanConfig
+from gonio.config.rig import RigConfig
+from gonio.geometry import Array
+from gonio.rig.approach import Approach
+from gonio.rig.build import park_pose
+from gonio.rig.clock import Clock, VirtualClock
+from gonio.rig.devices import Detector, Light, Stage, Visited
+from gonio.rig.envelope import Envelope
+from gonio.rig.errors import RigError, SafetyStop
+from gonio.rig.motion import move_time
+from gonio.rig.plan import Planner
+from gonio.rig.radiometry import Dark, Radiometry
+
+DARKS = 16  # readings that make one dark level, or one look at the reference point
+
+
+class StagedRig:
+    """Implements `gonio.rig.devices.Rig`.
+
+    announce(id), if given, is called before each measurement: simulated devices draw its noise from it (dark readings
+    have negative ids). `surrogate(wi, wo) -> f (N, C)` may be set to predict readings, which saves trials of ranges.
+    """
+
+    surrogate: Callable[[Array, Array], Array] | None = None
+
+    def __init__(
+        self,
+        config: RigConfig,
+        envelope: Envelope,
+        stage: Stage,
+        detector: Detector,
+        light: Light,
+        radiometry: Radiometry,
+        clock: Clock,
+        plan: PlanConfig,
+        isotropic: bool,
+        *,
+        simulated: bool,
+        announce: Callable[[int], None] = lambda number: None,
+    ):
+        self.config, self.envelope, self.plan = config, envelope, plan
+        self.stage, self.detector, self.light = stage, detector, light
+        self.radiometry, self.clock, self.simulated, self.announce = radiometry, clock, simulated, announce
+        self.planner = Planner(envelope, plan, isotropic)
+        backlash = np.radians([config.axes[name].backlash_deg for name in config.axis_names])
+        self.approach = Approach(envelope, backlash, plan.one_sided, self.planner.free)
+        self._darks: dict[int, Dark] = {}
+        self._reference: Array | None = None
+        self._drift, self._since_reference = 1.0, 0
+        self._pending: tuple[list[int], Array] = ([], np.empty((0, len(envelope.axes))))
+        self._rest = envelope.snap(park_pose(config))
+        self._stop = threading.Event()
+        # a virtual clock has one thread only, and nothing to gain from a second
+        overlap = plan.overlap and not isinstance(clock, VirtualClock)
+        self._ahead = ThreadPoolExecutor(1, "stage") if overlap else None
+
+    @property
+    def channels(self) -> int:
+        return len(self.radiometry.gain)
+
+    def reachable(self, wi: Array, wo: Array) -> NDArray[np.bool_]:
+        return self.envelope.reachable(wi, wo)
+
+    def visit(self, wi: Array, wo: Array, ids: NDArray[np.int64]) -> Iterator[Visited]:
+        """One measurement at a time, in the planned order; pairs that cannot be reached come last, as NaN.
+
+        Raises SafetyStop, DeviceFault; the light is off then.
+        """
+        self._stop.clear()
+        wi, wo, ids = np.asarray(wi, float), np.asarray(wo, float), np.asarray(ids, np.int64)
+        done = np.zeros(len(ids), bool)
+        try:
+            for which, poses in self._tours(wi, wo, ids):
+                done[which] = True
+                yield from self._drive(wi[which], wo[which], ids[which], poses)
+                if self._stop.is_set():
+                    return
+        except (RigError, OSError):
+            self.light.off()
+            raise
+        rest = np.flatnonzero(~done)
+        if len(rest):
+            yield self._nothing(ids[rest], wi[rest], wo[rest])
+
+    def _tours(self, wi: Array, wo: Array, ids: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], Array]]:
+        """First what a run that was interrupted had planned, if that is what is asked for; then the rest."""
+        numbers, poses = self._pending
+        place = {int(n): k for k, n in enumerate(ids)}
+        start = self.stage.pose()
+        left = np.arange(len(ids))
+        if numbers and all(n in place for n in numbers):
+            which = np.array([place[n] for n in numbers])
+            yield which, poses
+            start, left = poses[-1], np.setdiff1d(left, which)
+        for tour in self.planner.tours(wi[left], wo[left], start):
+            which = left[tour.which]
+            self._pending = (ids[which].tolist(), tour.poses)
+            yield which, tour.poses
+
+    def _drive(self, wi: Array, wo: Array, ids: NDArray[np.int64], poses: Array) -> Iterator[Visited]:
+        begun = self.clock.now()
+        moving: Future[Array | None] | None = None
+        for k, number in enumerate(ids.tolist()):
+            if self._stop.is_set():
+                return
+            dark = self._dark(number)
+            self._look_at_reference(number)
+            self.announce(number)
+            at = moving.result() if moving else self._go(poses[k])
+            if at is None:
+                self._pending = (self._pending[0][1:], self._pending[1][1:])
+                yield self._nothing(ids[k : k + 1], wi[k : k + 1], wo[k : k + 1])
+                continue
+            self.clock.sleep(self.config.settle_s)
+            seen = self._measure(number, wi[k], wo[k], at, dark, begun)
+            begun = self.clock.now()
+            self._pending = (self._pending[0][1:], self._pending[1][1:])
+            moving = None
+            if self._ahead and k + 1 < len(ids) and not self._stop.is_set():
+                moving = self._ahead.submit(self._go, poses[k + 1])
+            yield seen
+
+    def _measure(self, number: int, wi: Array, wo: Array, at: Array, dark: Dark, begun: float) -> Visited:
+        if self.plan.predict_range and self.surrogate is not None:
+            f = self.surrogate(wi[None], wo[None])[0]
+            self.detector.expect(self.radiometry.expected(f, wi, wo, self.config.exposure_s))
+        reading = self.detector.read(self.config.exposure_s)
+        wi, wo = self.envelope.kinematics.forward(at)
+        f, sigma = self.radiometry.reduce(reading, dark, wi, wo, self._drift)
+        raw = {**reading.raw, "dark": dark.value.tolist(), "drift": self._drift, "pose_rad": at.tolist()}
+        seconds = np.array([self.clock.now() - begun])
+        saturated = np.array([reading.saturated])
+        return Visited(np.array([number]), wi[None], wo[None], f[None], sigma[None], saturated, (raw,), seconds)
+
+    def _nothing(self, ids: NDArray[np.int64], wi: Array, wo: Array) -> Visited:
+        n = len(ids)
+        nan = np.full((n, self.channels), np.nan)
+        return Visited(ids, wi, wo, nan, nan, np.zeros(n, bool), ({},) * n, np.zeros(n))
+
+    def _go(self, pose: Array) -> Array | None:
+        """Drive to a pose by a way that is clear; the pose achieved, None where there is no way. Raises SafetyStop."""
+        if not self.stage.homed:
+            raise SafetyStop(f"rig {self.config.name}: not homed; run `gonio home` before anything moves")
+        start = self.stage.pose()
+        legs = self.approach.legs(start, pose, self._seconds)
+        if legs is None:
+            return None
+        at = start
+        for leg in legs:
+            if self._stop.is_set():
+                raise SafetyStop(f"rig {self.config.name}: stopped on the operator's request")
+            if not self.envelope.inside(leg):
+                raise SafetyStop(f"rig {self.config.name}: a pose outside the limits was asked for; not driven there")
+            at = self.stage.move(leg, 2.0 + 1.5 * float(self._seconds(leg - at)))
+        return at
+
+    def _seconds(self, delta: Array) -> Array:
+        return move_time(delta, self.planner.velocity, self.planner.acceleration)
+
+    def _dark(self, number: int) -> Dark:
+        """The dark level for a measurement, shared by `plan.dark_every` of them."""
+        epoch = number // self.plan.dark_every
+        if epoch not in self._darks:
+            self.light.off()
+            self.announce(-2 - epoch)
+            dark = Dark.of([self.detector.read(self.config.exposure_s) for _ in range(DARKS)])
+            self._darks = {**dict(list(self._darks.items())[-3:]), epoch: dark}
+            self.light.on()
+        return self._darks[epoch]
+
+    def _look_at_reference(self, number: int) -> None:
+        """Every `plan.reference_every` measurements: the lamp's drift, from the signal at the pose of rest."""
+        self._since_reference += 1
+        if not self.plan.reference_every or (
+            self._reference is not None and self._since_reference <= self.plan.reference_every
+        ):
+            return
+        at = self._go(
+            self.envelope.snap(np.radians([self.config.park_deg.get(n, 0.0) for n in self.config.axis_names]))
+        )
+        if at is None:
+            return
+        self.announce(-(1 << 40) - number)
+        self.clock.sleep(self.config.settle_s)
+        dark = self._dark(number)
+        signal = np.mean(
+            [self.radiometry.signal(self.detector.read(self.config.exposure_s))[0] for _ in range(DARKS)], 0
+        )
+        signal = signal - dark.value
+        self._reference = signal if self._reference is None else self._reference
+        self._drift = float(signal.sum() / self._reference.sum())
+        self._since_reference = 0
+
+    def state(self) -> dict[str, Any]:
+        """Levels, and the rest of the tour under way; of simulated devices, also where they are."""
+        state: dict[str, Any] = {
+            "darks": {str(k): [d.value.tolist(), d.sigma.tolist(), d.exposure] for k, d in self._darks.items()},
+            "reference": None if self._reference is None else self._reference.tolist(),
+            "drift": [self._drift, self._since_reference],
+            "pending": _pack(self._pending),
+        }
+        if isinstance(self.clock, VirtualClock):
+            state["clock_s"] = self.clock.now()
+            state["devices"] = {name: device.state() for name, device in self._resumable()}
+        return state
+
+    def restore(self, state: dict[str, Any]) -> None:
+        self._darks = {int(k): Dark(np.array(v), np.array(s), e) for k, (v, s, e) in state["darks"].items()}
+        self._reference = None if state["reference"] is None else np.array(state["reference"])
+        self._drift, self._since_reference = state["drift"]
+        self._pending = _unpack(state["pending"], len(self.envelope.axes))
+        if isinstance(self.clock, VirtualClock):
+            self.clock.sleep(state["clock_s"] - self.clock.now())
+            for name, device in self._resumable():
+                device.restore(state["devices"][name])
+        if self._darks:
+            self.light.on()
+
+    def _resumable(self) -> tuple[tuple[str, Any], ...]:
+        """Devices on a virtual clock know how to go on where they were."""
+        return ("stage", self.stage), ("detector", self.detector)
+
+    def home(self) -> None:
+        """Confirm the zero of every axis. Raises DeviceFault."""
+        self.stage.home()
+
+    def park(self) -> None:
+        """Light off, arms to the pose of rest by a clear way."""
+        self.light.off()
+        self._stop.clear()
+        self._go(self._rest)
+
+    def stop(self) -> None:
+        self._stop.set()
+        self.stage.stop()
+
+    def close(self) -> None:
+        self._stop.set()
+        try:
+            self.light.off()
+        finally:
+            if self._ahead:
+                self._ahead.shutdown(wait=True)
+
+
+def _pack(pending: tuple[list[int], Array]) -> str:
+    """Measurements still to come and their poses, as text: 15 kB for a tour of 512."""
+    numbers, poses = pending
+    if not numbers:
+        return ""
+    return base64.b64encode(
+        zlib.compress(json.dumps(numbers).encode() + b"\n" + np.asarray(poses).tobytes(), 1)
+    ).decode()
+
+
+def _unpack(text: str, axes: int) -> tuple[list[int], Array]:
+    if not text:
+        return [], np.empty((0, axes))
+    head, _, body = zlib.decompress(base64.b64decode(text)).partition(b"\n")
+    return json.loads(head), np.frombuffer(body, float).reshape(-1, axes).copy()
