@@ -21,12 +21,16 @@ def chain_arrays(store: Store) -> dict[str, np.ndarray]:
     length = int(np.bincount(s["chain"][keep], minlength=max(chains, 1)).min()) if chains else 0
 
     def grid(column):
-        return np.stack([column[keep & (s["chain"] == c)][:length] for c in range(chains)]) if chains else np.empty((0, 0))
+        return (
+            np.stack([column[keep & (s["chain"] == c)][:length] for c in range(chains)]) if chains else np.empty((0, 0))
+        )
 
     state = grid(s["state"])
     begin = int((state < 0).sum(1).max(initial=0))
     row = np.searchsorted(m.id, state[:, begin:])
-    theta_h, _, theta_d, phi_d = to_half_diff(m.asked[row, :3], m.asked[row, 3:]) if row.size else (np.empty(row.shape),) * 4
+    theta_h, _, theta_d, phi_d = (
+        to_half_diff(m.asked[row, :3], m.asked[row, 3:]) if row.size else (np.empty(row.shape),) * 4
+    )
     out = {"theta_h": theta_h, "theta_d": theta_d, "phi_d": np.abs(phi_d)}
     out |= {f"f_{c}": m.f[row, c] for c in range(m.f.shape[1])} if row.size else {}
     return out | {k: grid(s[k])[:, begin:] for k in ("accepted", "log_p", "kind")}

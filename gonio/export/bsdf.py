@@ -1,0 +1,161 @@
+"""Any `Brdf` as an RGL `.bsdf`, which Mitsuba's `measured` and pbrt's "measured" read (Dupuy and Jakob 2018).
+
+The table holds f cos(theta_o) 4 sigma(wi) / D(m) over a square that a warp stretches to where the lobe is. D here is
+not a claim about the surface but the mean of f cos(theta_i) cos(theta_o) at each half vector; the warp's density is
+half of D's visible normals and half of a broad lobe's, so that the tails keep nodes of their own.
+"""
+
+import os
+
+import numpy as np
+
+from gonio.brdf import Brdf, RglBrdf
+from gonio.brdf.tensor_file import write_tensor_file
+from gonio.brdf.warp import Interpolant, Warp
+from gonio.export import ExportError, checked
+from gonio.export.profile import half_profile, half_width, projected_area
+from gonio.export.spectrum import WAVELENGTHS, upsample
+from gonio.geometry import Array, from_angles, reflect
+
+TABLE = 512  # nodes of theta_m in the ndf, sigma and vndf tables
+AZIMUTHS = 65  # nodes of phi_m in them, odd so that the mirror image of a node is one
+GRAZING = 1.5  # incidences at 90 degrees (1 - (1 - t)^GRAZING): closer together towards grazing
+POLE = 1e-3  # nodes at the pole step aside by this, to keep their azimuth: a measured table need not agree there
+LAST = np.radians(89.0)
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+def write_bsdf(
+    brdf: Brdf,
+    path: str | os.PathLike,
+    *,
+    anisotropic: bool = False,
+    spectral: bool = False,
+    incidences: int | None = None,
+    resolution: int | None = None,
+    description: str = "gonio",
+) -> None:
+    """Write `brdf` to `path`, whole or not at all; rgb (3 channels) unless `spectral`.
+
+    Spectral files hold the channels at `brdf.wavelengths` (nm) where it has them, else a smooth upsampling of rgb.
+    Defaults: 32 incidences of 64 x 64; anisotropic 25 azimuths x 16 incidences of 32 x 32.
+    Raises ExportError for a BRDF with NaN, negative values, or the wrong channels.
+    """
+    write_tensor_file(path, fields(brdf, anisotropic, spectral, incidences, resolution, description))
+
+
+def fields(
+    brdf: Brdf,
+    anisotropic: bool = False,
+    spectral: bool = False,
+    incidences: int | None = None,
+    resolution: int | None = None,
+    description: str = "gonio",
+) -> dict[str, Array]:
+    """The tensor file's fields; `RglBrdf(fields(...))` is the table as a `Brdf`."""
+    known = getattr(brdf, "wavelengths", None)
+    wavelengths = None if known is None else np.asarray(known, float)
+    if brdf.channels != 3 and not (spectral and wavelengths is not None):
+        wanted = "its wavelengths" if spectral else "3 for an rgb file"
+        raise ExportError(f"the BRDF has {brdf.channels} channels, wanted {wanted}; nothing was written")
+    t = np.linspace(0, 1, incidences or (16 if anisotropic else 32))
+    theta_i = LAST * (1 - (1 - t) ** GRAZING)
+    phi_i = np.linspace(-np.pi, np.pi, 25) if anisotropic else np.zeros(1)
+    n = resolution or (32 if anisotropic else 64)
+
+    ndf = half_profile(brdf, TABLE, AZIMUTHS if anisotropic else 2)
+    sigma = projected_area(ndf, TABLE, AZIMUTHS if anisotropic else 2)
+    wi = from_angles(np.tile(theta_i, len(phi_i)), np.repeat(phi_i, len(theta_i)))
+    vndf = _warp_density(ndf, wi, turn=not anisotropic)
+    colour, luminance = _values(brdf, wi, vndf, ndf, sigma, n, mirror=not anisotropic)
+
+    slices = (len(phi_i), len(theta_i))
+    out = {
+        "description": np.frombuffer(description.encode(), np.uint8),
+        "phi_i": phi_i,
+        "theta_i": theta_i,
+        "sigma": sigma,
+        "ndf": ndf,
+        "vndf": vndf.reshape(*slices, *vndf.shape[1:]),
+        "luminance": luminance.reshape(*slices, n, n),
+        "jacobian": np.ones(1, np.uint8),
+    }
+    colour = np.moveaxis(colour.reshape(*slices, n, n, -1), -1, 2)
+    if spectral and wavelengths is None:
+        wavelengths, colour = WAVELENGTHS, np.einsum("ptcyx,wc->ptwyx", colour, upsample())
+    if spectral:
+        out |= {"wavelengths": wavelengths, "spectra": colour}
+    else:
+        out["rgb"] = colour
+    return {key: v if v.dtype == np.uint8 else np.asarray(v, np.float32) for key, v in out.items()}
+
+
+def _square(rows: int, columns: int) -> tuple[Array, Array]:
+    """theta_m and phi_m (rows * columns,) of the nodes of a table over the square of half vectors."""
+    y, x = np.meshgrid(np.linspace(0, 1, rows), np.linspace(0, 1, columns), indexing="ij")
+    return np.pi / 2 * x.ravel() ** 2, np.pi * (2 * y.ravel() - 1)
+
+
+def _warp_density(d: Array, wi: Array, turn: bool) -> Array:
+    """(S, AZIMUTHS, TABLE), mean 1: where the nodes go. Azimuths are counted from wi's if `turn`.
+
+    Half of it follows D, half is even in log(t0 + theta_m), t0 the width of D: so many nodes per octave from the peak
+    to the horizon. Half vectors that send wo below the horizon get none, so that the square's edge is the horizon.
+    """
+    theta, phi = _square(AZIMUTHS, TABLE)
+    u = np.sqrt(theta * 2 / np.pi)
+    profile = d.mean(0)[np.tile(np.arange(TABLE), AZIMUTHS)] if len(d) != AZIMUTHS else d.ravel()
+    energy = profile * np.cos(theta) * np.sin(theta) * u
+    octaves = u / (half_width(d) + theta)
+    density = energy / energy.mean() + octaves / octaves.mean()
+    out = []
+    for w in wi:
+        m = from_angles(theta, phi + (np.arctan2(w[1], w[0]) if turn else 0))
+        up = (reflect(np.broadcast_to(w, m.shape), m)[:, 2] > 0).reshape(AZIMUTHS, TABLE)
+        up[:, :-1] |= up[:, 1:]  # one node beyond: the density falls to 0 within a cell
+        up[:, 1:] |= up[:, :-1].copy()
+        up |= np.roll(up, 1, 0) | np.roll(up, -1, 0)
+        out.append(np.where(up, density.reshape(AZIMUTHS, TABLE), 0))
+    table = np.array(out)
+    return table / table.mean((1, 2), keepdims=True)
+
+
+def _values(brdf: Brdf, wi: Array, vndf: Array, ndf: Array, sigma: Array, n: int, mirror: bool) -> tuple[Array, Array]:
+    """(S, n, n, C) stored values and (S, n, n) luminance: how much light arrives from each place of the square."""
+    warp = Warp(vndf.astype(np.float32))
+    rows = n // 2 if mirror else n  # of an isotropic surface the other half is the mirror image
+    v, u = np.meshgrid(np.linspace(0, 1, n)[:rows], np.linspace(0, 1, n), indexing="ij")
+    u, v = np.tile(u.ravel(), len(wi)), np.tile(v.ravel(), len(wi))
+    k = np.repeat(np.arange(len(wi)), rows * n)
+    x, y, _ = warp.sample(u, v, [(k, np.ones(len(k)))])
+    x = np.maximum(x, POLE)
+    density = warp.eval(x, y, [(k, np.ones(len(k)))])
+    a = wi[k]
+    phi_i = np.arctan2(a[:, 1], a[:, 0]) if mirror else 0
+    m = from_angles(np.pi / 2 * x * x, np.pi * (2 * y - 1) + phi_i)
+    wo = reflect(a, m)
+    cos_im = np.einsum("ni,ni->n", a, m)
+    f_cos = np.zeros((len(k), brdf.channels))
+    above = (wo[:, 2] > 0) & (cos_im > 0)
+    f_cos[above] = checked(brdf, a[above], wo[above]) * wo[above, 2:]
+
+    d, s = (Interpolant(np.asarray(table, np.float32)[None, :, :, None]) for table in (ndf, sigma))
+    at = [(np.zeros(len(k), np.int64), np.ones(len(k)))]
+    theta_i = np.arctan2(np.hypot(a[:, 0], a[:, 1]), a[:, 2])
+    azimuth = (np.arctan2(a[:, 1], a[:, 0]) + np.pi) / (2 * np.pi)
+    scale = 4 * s.eval(np.sqrt(theta_i * 2 / np.pi), azimuth, at)[:, 0] / d.eval(x, y, at)[:, 0]
+    area = 2 * np.pi**2 * x * np.sin(np.pi / 2 * x * x) * 4 * np.maximum(cos_im, 0)
+    weights = LUMINANCE if brdf.channels == 3 else np.full(brdf.channels, 1 / brdf.channels)
+    light = (f_cos @ weights) * area / np.maximum(density, 1e-300)
+
+    colour = (f_cos * scale[:, None]).reshape(len(wi), rows, n, -1)
+    luminance = light.reshape(len(wi), rows, n)
+    if mirror:
+        colour, luminance = (np.concatenate([half, half[:, ::-1]], axis=1) for half in (colour, luminance))
+    mean = luminance.mean((1, 2), keepdims=True)
+    return colour, np.where(mean > 0, luminance / np.where(mean > 0, mean, 1) + 1e-3, 1)
+
+
+def as_brdf(brdf: Brdf, **options) -> RglBrdf:
+    """The exported table as a `Brdf`, without a file; options as of `fields`."""
+    return RglBrdf(fields(brdf, **options))

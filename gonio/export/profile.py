@@ -1,0 +1,83 @@
+"""What a BRDF's half vectors look like: a distribution of normals for tables to follow. Azimuth rows cover -pi..pi."""
+
+import numpy as np
+
+from gonio.brdf import Brdf
+from gonio.geometry import Array, above_horizon, from_angles, from_half_diff
+
+THETA_D = np.radians([3.0, 20.0, 40.0, 60.0])
+PHI_D = np.radians(np.arange(11.25, 360, 22.5))
+FLOOR = 1e-6  # of the largest value: D divides
+
+
+def half_profile(brdf: Brdf, columns: int, rows: int) -> Array:
+    """(rows, columns), > 0: mean over theta_d, phi_d and channels of f cos(theta_i) cos(theta_o) at (theta_h, phi_h).
+
+    Columns are even in sqrt(theta_h). Normalised so that the integral of D cos(theta_h) is 1. Rows are equal where
+    rows = 2 (an isotropic surface).
+    """
+    theta_h = np.pi / 2 * np.linspace(0, 1, columns) ** 2
+    phi_h = np.zeros(1) if rows == 2 else np.linspace(-np.pi, np.pi, rows)
+    grid = np.meshgrid(phi_h, theta_h, THETA_D, PHI_D, indexing="ij")
+    wi, wo = from_half_diff(*(grid[k].ravel() for k in (1, 0, 2, 3)))
+    seen = above_horizon(wi, wo)
+    value, count = np.zeros(len(wi)), seen.astype(float)
+    value[seen] = brdf.eval(wi[seen], wo[seen]).mean(1) * wi[seen, 2] * wo[seen, 2]
+    shape = (len(phi_h), columns, -1)
+    count = count.reshape(shape).sum(-1)
+    mean = value.reshape(shape).sum(-1) / np.maximum(count, 1)
+    # where too little of the circle is above the horizon, go on from the last theta_h that is well seen
+    last = np.flatnonzero((count >= len(PHI_D) / 2).all(0))[-1]
+    mean[:, last:] = mean[:, last : last + 1]
+    mean = np.maximum(np.nan_to_num(mean, nan=0.0, posinf=1e30), 0)
+    if not mean.any():
+        mean[:] = 1
+    d = np.maximum(_smooth(mean), FLOOR * mean.max())
+    if rows == 2:
+        d = np.repeat(d, 2, axis=0)
+    return d / _cosine_integral(d)
+
+
+def half_width(d: Array) -> float:
+    """theta_h in rad at which the mean profile falls below half of its largest value."""
+    mean = d.mean(0)
+    below = np.flatnonzero(mean < 0.5 * mean.max())
+    beyond = below[below > np.argmax(mean)]
+    u = (beyond[0] if len(beyond) else len(mean) - 1) / (len(mean) - 1)
+    return float(np.pi / 2 * u * u)
+
+
+def projected_area(d: Array, columns: int, rows: int) -> Array:
+    """sigma(wi) (rows, columns) = integral of D(m) max(0, wi.m), columns even in sqrt(theta_i)."""
+    azimuths = 64
+    u = (np.arange(4 * columns) + 0.5) / (4 * columns)
+    theta = np.pi / 2 * u * u
+    weight = np.sin(theta) * np.pi * u / len(u) * 2 * np.pi / azimuths
+    phi = -np.pi + 2 * np.pi * (np.arange(azimuths) + 0.5) / azimuths
+    at = np.linspace(0, 1, d.shape[1])
+    fine = np.array([np.interp(u, at, row) for row in d])
+    turn = np.linspace(-np.pi, np.pi, len(d))
+    value = np.array([np.interp(phi, turn, column) for column in fine.T]).T  # (azimuths, U)
+    m = from_angles(np.tile(theta, azimuths), np.repeat(phi, len(u)))
+    mass = (value * weight).ravel()
+    theta_i = np.pi / 2 * np.linspace(0, 1, columns) ** 2
+    phi_i = np.linspace(-np.pi, np.pi, rows)
+    if rows == 2:
+        w = from_angles(theta_i, 0.0)
+        return np.repeat(np.array([mass @ np.maximum(m @ v, 0) for v in w])[None], 2, axis=0)
+    return np.array([[mass @ np.maximum(m @ from_angles(t, p), 0) for t in theta_i] for p in phi_i])
+
+
+def _smooth(d: Array) -> Array:
+    """Noise out of a profile: a running mean of logarithms over 5 columns, 3 rows where there are rows."""
+    log = np.log(np.maximum(d, 1e-12 * d.max()))
+    padded = np.pad(log, ((0, 0), (2, 2)), mode="edge")
+    out = sum(w * padded[:, k : k + log.shape[1]] for k, w in enumerate((1, 4, 6, 4, 1))) / 16
+    return np.exp(np.minimum(out, log.max()))
+
+
+def _cosine_integral(d: Array) -> float:
+    u = np.linspace(0, 1, d.shape[1])
+    theta = np.pi / 2 * u * u
+    g = d.mean(0) * np.cos(theta) * np.sin(theta) * np.pi * u * 2 * np.pi
+    return float(np.sum(0.5 * (g[1:] + g[:-1])) / (len(u) - 1))
