@@ -46,3 +46,7 @@ def main() -> None:
         if str(e):
             print(f"gonio: {e}", file=sys.stderr)
     sys.exit(code or 0)
+
+
+if __name__ == "__main__":
+    main()

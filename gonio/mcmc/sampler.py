@@ -84,9 +84,12 @@ class Sampler:
         sigma is accepted for the seam's sake: a chain keeps the value it was told and never asks again, which is
         exact for unbiased non-negative noise (pseudo-marginal). Raises KeyError for an id not asked for.
         """
+        ids = np.asarray(ids, np.int64)
+        if len(ids) == 0:
+            return
         if self._round is None:
             raise KeyError(f"measurements {ids} were not asked for")
-        self._round.answer(np.asarray(ids), np.asarray(f, float))
+        self._round.answer(ids, np.asarray(f, float))
         self._settle(self._round)
 
     def take_steps(self) -> Steps:

@@ -1,0 +1,105 @@
+"""SIGKILL at random moments: after each `resume` the run is the run that was never killed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from gonio.store import Store
+
+KILLS = 30
+MEASUREMENTS = 3000
+SETTINGS = ["--set", f"budget.measurements={MEASUREMENTS}", "--set", "name=kill", "--no-post"]
+
+
+def gonio(*args, env=None):
+    return [sys.executable, "-m", "gonio.cli", *map(str, args)], {**os.environ, "OMP_NUM_THREADS": "1", **(env or {})}
+
+
+def run(*args):
+    command, env = gonio(*args)
+    return subprocess.run(command, env=env, capture_output=True, text=True, timeout=300)
+
+
+def contents(folder):
+    with Store.open(folder, write=False) as store:
+        m, s = store.measured(), store.steps()
+    return {**{f"m_{k}": getattr(m, k) for k in ("id", "asked", "seen", "f", "sigma")}, **{f"s_{k}": v for k, v in s.items()}}
+
+
+@pytest.mark.parametrize(("rig", "kills"), [("ideal", KILLS // 2), ("sim", KILLS // 2)])
+def test_killed_thirty_times_and_nothing_lost(tmp_path, rig, kills):
+    args = ["acquire", "analytic_gloss", "--rig", rig, *SETTINGS]
+    whole, torn = tmp_path / "whole", tmp_path / "torn"
+    assert run(*args, "--out", whole).returncode == 0
+    expected = contents(whole)
+    rng = np.random.default_rng(5)
+    killed, seen = 0, 0
+    command, env = gonio(*args, "--out", torn)
+    while killed < kills:
+        process = subprocess.Popen(command, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        _wait_for_growth(process, torn, seen, rng)
+        if process.poll() is not None:
+            break  # done before all kills were spent
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        killed += 1
+        got = contents(torn)
+        n = len(got["m_id"])
+        assert n >= seen, "a measurement was lost"
+        at = np.searchsorted(expected["m_id"], got["m_id"])
+        for k in ("m_asked", "m_seen", "m_f", "m_sigma"):
+            assert np.array_equal(got[k], expected[k][at], equal_nan=True)
+        seen = n
+        command, env = gonio("resume", torn, "--no-post")
+    assert killed >= kills // 2
+    done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    got = contents(torn)
+    for k in expected:
+        assert np.array_equal(got[k], expected[k], equal_nan=expected[k].dtype.kind == "f"), k
+
+
+def _wait_for_growth(process, folder, seen, rng):
+    """Until something new is stored, then a random moment more."""
+    goal = seen + int(rng.integers(1, 2 * MEASUREMENTS // KILLS))
+    while process.poll() is None:
+        try:
+            with Store.open(folder, write=False) as store:
+                if store._db.execute("SELECT count(*) FROM measurements").fetchone()[0] >= goal:
+                    break
+        except Exception:  # not made yet
+            pass
+        time.sleep(0.002)
+    time.sleep(float(rng.uniform(0, 0.004)))
+
+
+def test_killed_before_the_first_measurement(tmp_path):
+    """A folder with nothing measured in it is gone on with like any other."""
+    from gonio.store import Store as S
+
+    args = ["acquire", "analytic_gloss", "--rig", "ideal", *SETTINGS, "--set", "budget.measurements=200"]
+    assert run(*args, "--out", tmp_path / "a").returncode == 0
+    text = (tmp_path / "a" / "config.yaml").read_text()
+    S.create(tmp_path / "b", text, {}).close()
+    assert run("resume", tmp_path / "b", "--no-post").returncode == 0
+    a, b = contents(tmp_path / "a"), contents(tmp_path / "b")
+    assert all(np.array_equal(a[k], b[k], equal_nan=a[k].dtype.kind == "f") for k in a)
+
+
+def test_ctrl_c_once_stores_and_exits_130(tmp_path):
+    command, env = gonio("acquire", "analytic_gloss", "--rig", "ideal", *SETTINGS, "--set", "budget.measurements=1000000", "--out", tmp_path / "r")
+    process = subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    while not (tmp_path / "r" / "run.sqlite").exists():
+        time.sleep(0.01)
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "resume" in err and "Traceback" not in err
+    with Store.open(tmp_path / "r", write=False) as store:
+        assert len(store.measured().id) > 0
