@@ -13,7 +13,17 @@ from gonio.geometry import Array
 def move_time(delta: Array, velocity: Array, acceleration: Array) -> Array:
     """Seconds (...,) that joint distances delta (..., A) take; velocity, acceleration (A,) in rad/s, rad/s^2."""
     d = np.abs(delta)
-    return _time((d / velocity).max(-1), (d / acceleration).max(-1))
+    return _time(_most(d, velocity), _most(d, acceleration))
+
+
+def _most(d: Array, scale: Array) -> Array:
+    """max over axes of d / scale."""
+    if d.size < 256:
+        return (d / scale).max(-1)
+    most = d[..., 0] / scale[0]  # axis by axis: a reduction over a last axis of four is slow
+    for k in range(1, len(scale)):
+        np.maximum(most, d[..., k] / scale[k], out=most)
+    return most
 
 
 def _time(cruise: Array, ramp: Array) -> Array:

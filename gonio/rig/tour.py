@@ -47,17 +47,23 @@ def two_opt(cost: Array, order: Order, sweeps: int = 3) -> Order:
     """`order` shortened by reversing stretches; cost (N, N) symmetric. order[0] stays first, the end is open."""
     t = order.copy()
     n = len(t)
+    edge = cost[t[:-1], t[1:]]
     for _ in range(sweeps):
         improved = False
         for i in range(1, n - 1):
-            a, b = t[i - 1], t[i]
             # reverse t[i..j]: edges (a, b) and (t[j], t[j+1]) become (a, t[j]) and (b, t[j+1])
-            ends, after = t[i + 1 :], t[i + 2 :]
-            change = cost[a, ends] - cost[a, b]
-            change[:-1] += cost[b, after] - cost[ends[:-1], after]
+            later = t[i + 1 :]
+            change = cost[t[i - 1]].take(later)
+            change[:-1] += cost[t[i]].take(later[1:])
+            change[:-1] -= edge[i + 1 :]
             j = int(change.argmin())
-            if change[j] < -1e-9:
-                t[i : i + j + 2] = t[i : i + j + 2][::-1].copy()
+            if change[j] < edge[i - 1] - 1e-9:
+                end = i + j + 2
+                t[i:end] = t[i:end][::-1].copy()
+                edge[i : end - 1] = edge[i : end - 1][::-1].copy()
+                edge[i - 1] = cost[t[i - 1], t[i]]
+                if end < n:
+                    edge[end - 1] = cost[t[end - 1], t[end]]
                 improved = True
         if not improved:
             break
@@ -68,25 +74,27 @@ def or_opt(cost: Array, order: Order, longest: int = 3) -> Order:
     """`order` shortened by moving stretches of up to `longest` elsewhere, either way round; order[0] stays first."""
     t = order.copy()
     n = len(t)
+    edge = np.append(cost[t[:-1], t[1:]], 0.0)  # after the last one comes nothing
     for length in range(1, longest + 1):
-        i = 1
-        while i + length <= n:
-            piece = t[i : i + length]
-            rest = np.concatenate([t[:i], t[i + length :]])
-            first, last = piece[0], piece[-1]
-            saved = cost[t[i - 1], first]
-            if i + length < n:
-                saved += cost[last, t[i + length]] - cost[t[i - 1], t[i + length]]
-            before, after = rest[:-1], rest[1:]
-            gap = cost[before, after]
-            into = np.append(cost[before, first] + cost[last, after] - gap, cost[rest[-1], first])
-            flip = np.append(cost[before, last] + cost[first, after] - gap, cost[rest[-1], last])
+        for i in range(1, n - length + 1):
+            j = i + length - 1
+            to_first, to_last = cost[t[i]].take(t), cost[t[j]].take(t)
+            saved = edge[i - 1] + edge[j] - (cost[t[i - 1], t[j + 1]] if j + 1 < n else 0.0)
+            # between t[k] and t[k+1]: first after t[k], or last after t[k]; nothing comes after the end
+            into, flip = to_first - edge, to_last - edge
+            into[:-1] += to_last[1:]
+            flip[:-1] += to_first[1:]
+            into[i - 1 : j + 1] = flip[i - 1 : j + 1] = np.inf
             k, m = int(into.argmin()), int(flip.argmin())
             turned = flip[m] < into[k]
-            k, new = (m, flip[m]) if turned else (k, into[k])
-            if new < saved - 1e-9:
-                t = np.concatenate([rest[: k + 1], piece[::-1] if turned else piece, rest[k + 1 :]])
-            i += 1
+            if (flip[m] if turned else into[k]) < saved - 1e-9:
+                k = m if turned else k
+                piece = t[i : j + 1][::-1] if turned else t[i : j + 1]
+                if k < i:
+                    t = np.concatenate([t[: k + 1], piece, t[k + 1 : i], t[j + 1 :]])
+                else:
+                    t = np.concatenate([t[:i], t[j + 1 : k + 1], piece, t[k + 1 :]])
+                edge[:-1] = cost[t[:-1], t[1:]]
     return t
 
 
