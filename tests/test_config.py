@@ -54,7 +54,9 @@ def test_mistakes_are_explained_in_one_line(text, words):
 
 
 def test_overrides():
-    m = parse_config(GOOD, Material, ["sampler.proposal=pss_simple", "budget.measurements=7", "sampler.target.channels=1"])
+    m = parse_config(
+        GOOD, Material, ["sampler.proposal=pss_simple", "budget.measurements=7", "sampler.target.channels=1"]
+    )
     assert (m.sampler.proposal, m.budget.measurements, m.sampler.target.channels) == ("pss_simple", 7, 1)
     for bad in ("budget.measurements", "=3", "a..b=1", "budget.measurements=[", "budget.measurments=3"):
         with pytest.raises(ConfigError, match="--set"):
@@ -84,7 +86,32 @@ def test_files_that_cannot_be_read(tmp_path):
 def test_ten_thousand_mutations_give_a_config_or_one_line():
     rng = np.random.default_rng(20260101)
     base = GOOD.encode()
-    tokens = [b"[", b"{", b"*a", b"&a ", b"!!python/object:os.system ", b": ", b"\n", b"\t", b"~", b".nan", b"1e400", b"'", b'"', b"\x00", b"\xff", b"<<: ", b"9" * 400, b"- ", b"? ", b"%TAG", b"0x", b"2024-99-99", b"|", b">"]
+    tokens = [
+        b"[",
+        b"{",
+        b"*a",
+        b"&a ",
+        b"!!python/object:os.system ",
+        b": ",
+        b"\n",
+        b"\t",
+        b"~",
+        b".nan",
+        b"1e400",
+        b"'",
+        b'"',
+        b"\x00",
+        b"\xff",
+        b"<<: ",
+        b"9" * 400,
+        b"- ",
+        b"? ",
+        b"%TAG",
+        b"0x",
+        b"2024-99-99",
+        b"|",
+        b">",
+    ]
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     loaded = 0
     for _ in range(10_000):

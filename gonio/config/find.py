@@ -11,7 +11,7 @@ SHIPPED = Path(__file__).resolve().parents[2] / "configs"
 def find_config(name: str | os.PathLike[str], kind: str) -> Path:
     """The YAML file `name`, or configs/<kind>/<name>.yaml below the working folder or the project."""
     path = Path(name)
-    if path.exists() or path.suffix in (".yaml", ".yml") or path.name != str(name):
+    if path.is_file() or path.suffix in (".yaml", ".yml") or path.name != str(name):
         return path  # what is wrong with it, if anything, is said by whoever reads it
     for folder in (Path("configs"), SHIPPED):
         candidate = folder / kind / f"{name}.yaml"
