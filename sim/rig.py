@@ -5,7 +5,7 @@ import numpy as np
 from gonio.config.plan import PlanConfig
 from gonio.config.rig import RigConfig
 from gonio.geometry import Array
-from gonio.rig.build import envelope_of, park_pose, radiometry_of
+from gonio.rig.build import envelope_of, geometry_calibration, park_pose, radiometry_of
 from gonio.rig.clock import VirtualClock
 from gonio.rig.staged import StagedRig
 from sim.light import SimLight
@@ -16,7 +16,8 @@ from sim.stage import SimStage
 
 def open_sim(config: RigConfig, sample: Sample, seed: int, plan: PlanConfig, isotropic: bool) -> StagedRig:
     """A rig that shows `sample`; its noise follows from seed and the measurements' ids, homed and ready."""
-    clock, envelope = VirtualClock(), envelope_of(config)
+    geometry, radiometry = geometry_calibration(config), radiometry_of(config, sample.channels)
+    clock, envelope = VirtualClock(), envelope_of(config, geometry)
     backlash = np.radians([config.axes[name].backlash_deg for name in config.axis_names])
     faults = config.faults
     stage = SimStage(envelope.axes, backlash, envelope.snap(park_pose(config)), faults, clock, seed)
@@ -39,7 +40,8 @@ def open_sim(config: RigConfig, sample: Sample, seed: int, plan: PlanConfig, iso
         stage.announce(number)
         detector.announce(number)
 
-    radiometry = radiometry_of(config, sample.channels)
-    return StagedRig(
+    rig = StagedRig(
         config, envelope, stage, detector, light, radiometry, clock, plan, isotropic, simulated=True, announce=announce
     )
+    rig.calibration_ids = {k: c.id for k, c in (("geometry", geometry), ("radiometry", radiometry)) if c and c.id}
+    return rig

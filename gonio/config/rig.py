@@ -72,6 +72,15 @@ class Chain(Section):
     light_rest: Vector = (0.0, 0.0, 1.0)
     detector_rest: Vector = (0.0, 0.0, 1.0)
     normal_rest: Vector = (0.0, 0.0, 1.0)
+    mark_rest: Vector = Field((1.0, 0.0, 0.0), description="where the sample's 0-degree mark points at rest")
+
+    @model_validator(mode="after")
+    def _square(self) -> "Chain":
+        (a, b, c), (x, y, z) = self.normal_rest, self.mark_rest
+        cross = (b * z - c * y) ** 2 + (c * x - a * z) ** 2 + (a * y - b * x) ** 2
+        if not cross > 1e-6 * (a * a + b * b + c * c) * (x * x + y * y + z * z):
+            raise ValueError("mark_rest must not lie along normal_rest")
+        return self
 
 
 GANTRY_AXES = ("light", "turntable", "detector", "azimuth")
@@ -118,7 +127,7 @@ class FaultsConfig(Section):
 
 
 class CalibrationFiles(Section):
-    """Files written by `gonio calibrate`, relative to the rig's YAML; none = nominal geometry, unit gain."""
+    """Files written by `gonio calibrate`, relative to the working directory; none = nominal geometry, nominal gain."""
 
     camera: str | None = None
     geometry: str | None = None

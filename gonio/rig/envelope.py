@@ -102,6 +102,8 @@ class Envelope:
         if self.path_clear(a[None], b[None])[0]:
             return b[None]
         via = self._waypoints(a, b)
+        if self.separation(a) < self.stay_out + TOLERANCE:
+            return self._out_of_the_cone(a, b, via, seconds)
         there, back = (
             self.path_clear(np.broadcast_to(a, via.shape), via),
             self.path_clear(via, np.broadcast_to(b, via.shape)),
@@ -118,6 +120,18 @@ class Envelope:
             ok = np.flatnonzero(self.path_clear(first[i], last[j]))
             if len(ok):
                 return np.stack([first[i[ok[0]]], last[j[ok[0]]], b])
+        return None
+
+    def _out_of_the_cone(self, a: Array, b: Array, via: Array, seconds: Callable[[Array], Array]) -> Array | None:
+        """As `route`, for a rig that stopped short inside the cone: first away from it, never deeper into it."""
+        share = np.linspace(0, 1, 65)[1:, None]
+        apart = np.array([self.separation(a + share * (v - a)).min() for v in via])
+        for k in np.argsort(np.where(apart >= self.separation(a) - 1e-9, seconds(via - a), np.inf)):
+            if apart[k] < self.separation(a) - 1e-9:
+                return None
+            rest = self.route(via[k], b, seconds)
+            if rest is not None:
+                return np.concatenate([via[k : k + 1], rest])
         return None
 
     def _waypoints(self, a: Array, b: Array) -> Array:

@@ -37,14 +37,15 @@ class Planner:
     def tours(self, wi: Array, wo: Array, start: Array) -> Iterator[Tour]:
         """Tours that together visit every reachable pair (N, 3), (N, 3) once, the first from pose `start` (A,).
 
-        Pairs that no allowed pose shows are left out. A tour is planned when it is asked for.
+        Pairs that the rig cannot reach are left out. A tour is planned when it is asked for.
         """
-        for begin in range(0, len(wi), self.plan.window):
-            part = slice(begin, begin + self.plan.window)
+        within = np.flatnonzero(self.envelope.reachable(wi, wo))
+        for begin in range(0, len(within), self.plan.window):
+            part = within[begin : begin + self.plan.window]
             tour = self._tour(wi[part], wo[part], start)
             if len(tour.which):
                 start = tour.poses[-1]
-                yield Tour(tour.which + begin, tour.poses, tour.seconds)
+                yield Tour(part[tour.which], tour.poses, tour.seconds)
 
     def candidates(self, wi: Array, wo: Array, near: Array) -> Array:
         """Every pose (N, B, A) that may show the pairs, FAR where it is not allowed."""

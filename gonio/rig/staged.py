@@ -10,8 +10,9 @@ import base64
 import json
 import threading
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,7 @@ class StagedRig:
     have negative ids). `surrogate(wi, wo) -> f (N, C)` may be set to predict readings, which saves trials of ranges.
     """
 
+    calibration_ids: Mapping[str, str] = MappingProxyType({})  # for the run's provenance
     surrogate: Callable[[Array, Array], Array] | None = None
 
     def __init__(

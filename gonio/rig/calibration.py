@@ -1,0 +1,83 @@
+"""Calibration files: what `gonio calibrate` writes and a rig refers to. Dated, with an id that every run records."""
+
+import datetime as dt
+from pathlib import Path
+from typing import Literal, TypeVar
+
+import yaml
+from pydantic import Field
+
+from gonio.config.loader import ConfigError, Section, load_config
+from gonio.rig.errors import CalibrationMissing
+
+Triple = tuple[float, float, float]
+
+
+class Dated(Section):
+    """What every calibration says of itself. id = kind, date and a few digits of what it holds."""
+
+    id: str
+    date: dt.datetime
+    rig: str
+    simulated: bool = False
+
+
+class GeometryCalibration(Dated):
+    """Encoder angle at each joint's zero (degrees), and axes (3,) of joints that are not as nominal."""
+
+    kind: Literal["geometry"] = "geometry"
+    offsets_deg: dict[str, float] = Field(default_factory=dict)
+    offsets_sigma_deg: dict[str, float] = Field(default_factory=dict)
+    axes: dict[str, Triple] = Field(default_factory=dict)
+    residual_deg: float = 0.0
+
+
+class RadiometryCalibration(Dated):
+    """gain per channel = signal per second of f = 1 at full projection; linearity = relative excess at full scale."""
+
+    kind: Literal["radiometry"] = "radiometry"
+    gain: tuple[float, ...]
+    gain_sigma: tuple[float, ...]
+    dark: tuple[float, ...] = ()
+    linearity: float = 0.0
+    linearity_sigma: float = 0.0
+
+
+class CameraCalibration(Dated):
+    """Pinhole matrix, distortion (OpenCV order), size in pixels, and the reprojection error in pixels."""
+
+    kind: Literal["camera"] = "camera"
+    matrix: tuple[Triple, Triple, Triple]
+    distortion: tuple[float, ...]
+    size: tuple[int, int]
+    rms_px: float
+    views: int
+
+
+Calibration = TypeVar("Calibration", bound=Dated)
+
+
+def load_calibration(path: Path, model: type[Calibration], max_age_days: float | None = None) -> Calibration:
+    """The calibration of a file. Raises CalibrationMissing where there is none, it is damaged or too old."""
+    if not path.is_file():
+        raise CalibrationMissing(f"{path}: no such calibration; make it with `gonio calibrate`")
+    try:
+        calibration = load_config(path, model)
+    except ConfigError as e:
+        raise CalibrationMissing(f"{e}; make it anew with `gonio calibrate`") from None
+    age = dt.datetime.now(dt.UTC) - calibration.date.astimezone(dt.UTC)
+    if max_age_days is not None and age > dt.timedelta(days=max_age_days):
+        raise CalibrationMissing(
+            f"{path}: {age.days} days old, the rig allows {max_age_days:g}; make it anew with `gonio calibrate`"
+        )
+    return calibration
+
+
+def save_calibration(calibration: Dated, folder: Path) -> Path:
+    """Write `<id>.yaml` into the folder (made if needed), all or nothing; its path."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{calibration.id}.yaml"
+    draft = path.with_suffix(".tmp")
+    draft.write_text(yaml.safe_dump(calibration.model_dump(mode="json"), sort_keys=False), encoding="utf-8")
+    draft.replace(path)
+    return path
