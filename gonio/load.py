@@ -8,10 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from gonio.brdf import Brdf, BrdfFileError, MerlBrdf, NetworkBrdf, RglBrdf
-from gonio.brdf.atomic import replacing
 from gonio.brdf.kinds import KINDS as MODEL_KINDS
-
-FORMAT_VERSION = 1
+from gonio.brdf.saved import FORMAT_VERSION, write_saved
 
 KINDS = MODEL_KINDS | {
     "auto": "gonio.reconstruct.auto:AutoBrdf",
@@ -59,11 +57,7 @@ def save_brdf(brdf, path: str | os.PathLike) -> None:
     """Save `brdf` (which has `kind` and `to_arrays()`) as an .npz without pickles; it appears whole or not at all."""
     if brdf.kind not in KINDS:
         raise ValueError(f"{brdf.kind!r} is not a kind of BRDF that could be opened again")
-    arrays = {key: np.asarray(value) for key, value in brdf.to_arrays().items()}
-    with replacing(path) as stream:
-        np.savez(
-            stream, allow_pickle=False, kind=np.array(brdf.kind), format_version=np.array(FORMAT_VERSION), **arrays
-        )
+    write_saved(path, brdf.kind, brdf.to_arrays())
 
 
 def _load_saved(path: str) -> Brdf:

@@ -13,7 +13,7 @@ from gonio.geometry import Array, from_angles, half_vector, reflect, to_angles
 
 
 class SlicesBrdf:
-    """theta_i (T,) ascending rad; alpha of the lobe; pdf (T, V, U) density over the square; weight (T, V, U, C) >= 0."""
+    """theta_i (T,) ascending rad; alpha of the lobe; pdf (T, V, U) density on the square; weight (T, V, U, C) >= 0."""
 
     kind = "slices"
 

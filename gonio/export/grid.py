@@ -9,18 +9,19 @@ import numpy as np
 
 from gonio.brdf import Brdf
 from gonio.brdf.ndf import GgxNdf
+from gonio.brdf.saved import write_saved
 from gonio.brdf.slices import SlicesBrdf, half_vectors, incidence_grid, pdf_grid
 from gonio.export import checked
 from gonio.export.profile import half_profile, half_width
 from gonio.geometry import from_angles, reflect
-from gonio.load import save_brdf
 
 INCIDENCES, ROWS, COLUMNS = 64, 65, 128
 
 
 def write_grid(brdf: Brdf, path: str | os.PathLike) -> None:
     """Write the grids of `brdf` to `path` (.npz), whole or not at all. Raises ExportError (NaN, negative values)."""
-    save_brdf(to_grid(brdf), path)
+    grid = to_grid(brdf)
+    write_saved(path, grid.kind, grid.to_arrays())
 
 
 def to_grid(brdf: Brdf) -> SlicesBrdf:

@@ -6,8 +6,12 @@ import numpy as np
 
 from gonio.brdf import Ggx
 from gonio.geometry import Array
+from gonio.reconstruct.log_nnls import log_nnls
 from gonio.reconstruct.samples import Samples
 from gonio.reconstruct.usable import usable
+
+Solve = Callable[[Array, int], Array]
+"""Columns (N, 2) of f cos(theta_o) and a channel -> the two amounts, >= 0."""
 
 ALPHAS = np.geomspace(1e-3, 1.0, 31)
 
@@ -26,7 +30,7 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Ggx
         fitted = brdf.eval(s.wi, s.wo) * s.wo[:, 2:]
         return float(np.mean((np.log(fitted + floor) - log_target) ** 2))
 
-    return _search(s, 1 / (target + floor), loss, anisotropic)
+    return _search(s, lambda columns, c: log_nnls(columns, target[:, c], floor[:, c]), loss, anisotropic)
 
 
 def fit_cosine_weighted(samples: Samples) -> Ggx:
@@ -37,15 +41,21 @@ def fit_cosine_weighted(samples: Samples) -> Ggx:
     def loss(brdf: Ggx) -> float:
         return float(np.mean((brdf.eval(s.wi, s.wo) * s.wo[:, 2:] - target) ** 2))
 
-    return _search(s, np.ones_like(target), loss, False)
+    def solve(columns: Array, c: int) -> Array:
+        from scipy.optimize import nnls
+
+        scale = np.maximum(columns.max(0), 1e-300)
+        return nnls(columns / scale, target[:, c])[0] / scale
+
+    return _search(s, solve, loss, False)
 
 
-def _search(s: Samples, weight: Array, loss: Callable[[Ggx], float], anisotropic: bool) -> Ggx:
+def _search(s: Samples, solve: Solve, loss: Callable[[Ggx], float], anisotropic: bool) -> Ggx:
     from scipy.optimize import minimize
 
     def lobe(log_alpha: Array) -> Ggx:
         alpha_x, alpha_y = np.exp(np.clip(np.broadcast_to(log_alpha, 2), np.log(1e-5), np.log(2.0)))
-        return _coloured(s, weight, float(alpha_x), float(alpha_y))
+        return _coloured(s, solve, float(alpha_x), float(alpha_y))
 
     def cost(log_alpha: Array) -> float:
         return loss(lobe(log_alpha))
@@ -61,15 +71,9 @@ def _search(s: Samples, weight: Array, loss: Callable[[Ggx], float], anisotropic
     return lobe(minimize(cost, best, method="Nelder-Mead", options=options).x)
 
 
-def _coloured(s: Samples, weight: Array, alpha_x: float, alpha_y: float) -> Ggx:
+def _coloured(s: Samples, solve: Solve, alpha_x: float, alpha_y: float) -> Ggx:
     """The lobe of this roughness whose colours fit best: a + c s with a, c >= 0 per channel, s Schlick's term."""
-    from scipy.optimize import nnls
-
-    bare = Ggx(alpha_x, alpha_y, f0=[1.0, 0.0]).eval(s.wi, s.wo) * s.wo[:, 2:]  # without Fresnel, with Schlick's alone
-    columns = np.linalg.norm(bare, axis=0)
-    a = np.zeros((s.f.shape[1], 2))
-    for c in range(len(a)):
-        if columns.all():
-            a[c] = nnls(bare * weight[:, c : c + 1], s.f[:, c] * s.wo[:, 2] * weight[:, c])[0]
+    lobe = Ggx(alpha_x, alpha_y, f0=[1.0, 0.0]).eval(s.wi, s.wo)  # without Fresnel, with Schlick's alone
+    a = np.array([solve(lobe * s.wo[:, 2:], c) for c in range(s.f.shape[1])])
     total = a.sum(1)
     return Ggx(alpha_x, alpha_y, f0=np.where(total > 0, a[:, 0] / np.where(total > 0, total, 1), 1.0), weight=total)
