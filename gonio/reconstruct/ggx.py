@@ -62,10 +62,10 @@ def _search(s: Samples, solve: Solve, loss: Callable[[Ggx], float], anisotropic:
 
     starts = [np.array([a]) for a in np.log(ALPHAS)]
     if anisotropic:
-        coarse = np.log(ALPHAS[::3])
+        coarse = np.log(ALPHAS[::5])
         starts = [np.array([a, b]) for a in coarse for b in coarse]
     best = min(starts, key=cost)
-    step = np.log(ALPHAS[1] / ALPHAS[0]) * (3 if anisotropic else 1)
+    step = np.log(ALPHAS[1] / ALPHAS[0]) * (5 if anisotropic else 1)
     simplex = np.concatenate([best[None], best + step * np.eye(len(best))])
     options = {"initial_simplex": simplex, "xatol": 1e-4, "fatol": 0.0, "maxiter": 200}
     return lobe(minimize(cost, best, method="Nelder-Mead", options=options).x)

@@ -14,7 +14,7 @@ def fill_holes(grid: Array) -> Array:
     comes back as it is.
     """
     rows, columns = grid.shape[0] - 1, grid.shape[1]
-    inner = grid[:-1].reshape(rows * columns, -1)
+    inner = grid[:-1].reshape(rows * columns, -1).copy()
     hole = np.isnan(inner).any(1)
     if hole.all() or not hole.any():
         return grid

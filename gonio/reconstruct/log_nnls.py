@@ -29,7 +29,7 @@ def log_nnls(columns: Array, target: Array, floor: Array) -> Array:
         loss = float(residual @ residual)
         if loss < least:
             best, least = x, loss
-        wanted = fitted * (1 + np.clip(residual, -0.7, 2.0)) - floor
+        wanted = fitted * (1 + np.clip(residual, -3, 3)) - floor
         weight = 1 / fitted
         weight /= weight.max()
         x = nnls(unit * weight[:, None], wanted * weight)[0]
