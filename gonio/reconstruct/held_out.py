@@ -1,4 +1,4 @@
-"""How wrong is it, without a truth: every sample foretold by its neighbours, weighed as the energy error weighs.
+"""How wrong is it, without a truth: samples foretold by their neighbours, weighed as the energy error weighs.
 
     E = mean over theta_i of  sum |g' - g| V / sum g V,   V = the solid angles squared that a sample stands for
 
@@ -16,6 +16,21 @@ from gonio.reconstruct.stretch import Stretch
 INCIDENCES = np.radians(np.array([0, 10, 20, 30, 40, 50, 60, 70, 78, 90]))
 
 
+class EnergyError:
+    """The energy error of foretold values at the samples `test` (indices), each left out of its own foretelling."""
+
+    def __init__(self, a: Angles, g: Array, sigma: Array, stretch: Stretch, test):
+        v = solid_angles(stretch, a)[test]
+        self._g, self._weight = g[test], energy_weights(a.at(test), g[test], v)
+        # what the readings' own noise adds to |said - g|, the mean of a normal variable's magnitude
+        self._noise = np.sqrt(2 / np.pi) * float((sigma[test] * self._weight).sum())
+
+    def __call__(self, said: Array) -> float:
+        """said (len(test), C): g = f cos(theta_o) as foretold."""
+        error = float((np.abs(said - self._g) * self._weight).sum())
+        return float(np.sqrt(max(error**2 - self._noise**2, (0.2 * error) ** 2)))
+
+
 def solid_angles(stretch: Stretch, a: Angles) -> Array:
     """V of each sample, (N,), up to a factor."""
     x = stretch(a)[:, :4]
@@ -25,10 +40,10 @@ def solid_angles(stretch: Stretch, a: Angles) -> Array:
 
 
 def energy_weights(a: Angles, g: Array, v: Array) -> Array:
-    """w (N, C) such that sum_n w |relative error of g_n| is the energy error of each channel over C."""
+    """w (N, C) such that sum_n w |error of g_n| over n and channels is the mean energy error."""
     theta_i = np.arctan2(np.sqrt(np.maximum(0, 1 - a.cos_i**2)), a.cos_i)
     bin_ = np.clip(np.searchsorted(INCIDENCES, theta_i) - 1, 0, len(INCIDENCES) - 2)
     energy = np.maximum(g, 0) * v[:, None]
     total = np.stack([np.bincount(bin_, e, len(INCIDENCES) - 1) for e in energy.T], 1)
     weight = v[:, None] / np.where(total > 0, total, np.inf)[bin_]
-    return weight / (g.shape[1] * np.count_nonzero(total.sum(1)))
+    return weight / np.maximum(np.count_nonzero(total, axis=0), 1) / g.shape[1]

@@ -37,32 +37,27 @@ class Patches:
             self.coefficients[part] = np.linalg.solve(a, rhs)
 
     def __call__(self, q: Array) -> Array:
-        out = np.empty((len(q), self.coefficients.shape[2]))
+        """(M, C). Patch by patch, each for all queries that it has a say in: few large products, not many small."""
+        q = np.asarray(q, float)
         blend = min(BLEND, len(self.centres) - 1)
-        for part in _chunks(len(q), 20000):
-            distance, patch = self._tree.query(q[part], blend + 1)
-            weight = np.maximum(1 - distance[:, :-1] / np.maximum(distance[:, -1:], 1e-12), 1e-9) ** 2
-            weight /= weight.sum(1, keepdims=True)
-            total = 0.0
-            for j in range(blend):
-                total = total + weight[:, j, None] * self._one(q[part], patch[:, j])
-            out[part] = total
-        return out
-
-    def _one(self, q: Array, patch: Array) -> Array:
-        """The spline of patch[i] at q[i]; queries sorted by patch would not be faster, memory is."""
-        out = np.empty((len(q), self.coefficients.shape[2]))
-        order = np.argsort(patch, kind="stable")
+        distance, patch = self._tree.query(q, blend + 1)
+        weight = np.maximum(1 - distance[:, :-1] / np.maximum(distance[:, -1:], 1e-12), 1e-9) ** 2
+        weight = (weight / weight.sum(1, keepdims=True)).ravel()
+        order = np.argsort(patch[:, :-1].ravel(), kind="stable")
+        used, start = np.unique(patch[:, :-1].ravel()[order], return_index=True)
         k = self._members.shape[1]
-        for part in _chunks(len(q), 4000):
-            i = order[part]
-            p = patch[i]
-            local = self._x[self._members[p]]
-            r = np.sqrt(np.maximum(((local - q[i][:, None]) ** 2).sum(-1), 0)) / self.scale[p][:, None]
+        said = np.empty((len(order), self.coefficients.shape[2]))
+        for p, mine in zip(used, np.split(order, start[1:])):
+            # float32 is enough once centre and scale are out: 1e-6 of a patch's own variation
+            z = ((q[mine // blend] - self.centres[p]) / self.scale[p]).astype(np.float32)
+            x = ((self._x[self._members[p]] - self.centres[p]) / self.scale[p]).astype(np.float32)
+            square = (-2 * z) @ x.T
+            square += np.einsum("nd,nd->n", z, z)[:, None]
+            square += np.einsum("nd,nd->n", x, x)
+            np.sqrt(np.maximum(square, 0, out=square), out=square)
             c = self.coefficients[p]
-            z = (q[i] - self.centres[p]) / self.scale[p][:, None]
-            out[i] = np.einsum("nk,nkc->nc", -r, c[:, :k]) + c[:, k] + np.einsum("nd,ndc->nc", z, c[:, k + 1 :])
-        return out
+            said[mine] = c[k] + z @ c[k + 1 :] - square @ c[:k].astype(np.float32)
+        return (said * weight[:, None]).reshape(len(q), blend, -1).sum(1)
 
 
 def left_out(x: Array, y: Array, variance: Array, at: Array, neighbours: int = 40) -> Array:
@@ -76,7 +71,9 @@ def left_out(x: Array, y: Array, variance: Array, at: Array, neighbours: int = 4
         members = _self_first(members, i)
         scale = np.maximum(distance[:, -1], 1e-9)
         a, rhs = _system(x, y, variance, x[i], members, scale)
-        inverse = np.linalg.inv(a)[:, 0]
+        unit = np.zeros((*a.shape[:2], 1))
+        unit[:, 0] = 1
+        inverse = np.linalg.solve(a, unit)[..., 0]  # a is symmetric: its inverse's first row
         out[part] = y[i] - np.einsum("nk,nkc->nc", inverse, rhs) / inverse[:, :1]
     return out
 

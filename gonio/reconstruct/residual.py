@@ -37,6 +37,10 @@ class LogRatio:
         g = ((1 + K) * b + self.floor) * np.exp(np.clip(y, -LARGEST, LARGEST)) - self.floor - K * b
         return np.maximum(g, 0)
 
+    def slope(self, g: Array, b: Array) -> Array:
+        """dg / dy, (N, C)."""
+        return g + K * b + self.floor
+
     def variance(self, g: Array, sigma: Array, b: Array) -> Array:
         """Of y, (N,): the mean over the channels, which share one spline matrix."""
-        return ((sigma / (np.maximum(g, 0) + K * b + self.floor)) ** 2).mean(1)
+        return ((sigma / self.slope(np.maximum(g, 0), b)) ** 2).mean(1)
