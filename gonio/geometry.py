@@ -78,7 +78,11 @@ def from_half_diff(theta_h: Array, phi_h: Array, theta_d: Array, phi_d: Array) -
 
 def half_vector(wi: Array, wo: Array) -> Array:
     """normalize(wi + wo), (N, 3)."""
-    return unit(np.asarray(wi, float) + np.asarray(wo, float))
+    s = np.asarray(wi, float) + np.asarray(wo, float)
+    length = np.sqrt(_dot(s, s))[..., None]
+    if np.all(length > 1e-150):
+        return s / length
+    return unit(s)  # opposite directions: no half vector, the z axis stands in
 
 
 def reflect(w: Array, h: Array) -> Array:

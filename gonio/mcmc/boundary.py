@@ -12,8 +12,4 @@ def wrap(u: Array) -> Array:
 
 def reflect(u: Array) -> Array:
     """Mirrored at 0 and 1, as often as needed."""
-    v = np.abs(u - 2 * np.round(0.5 * u))
-    return np.where(v > 1, 2 - v, v)
-
-
-RULES = {"wrap": wrap, "reflect": reflect}
+    return np.abs(u - 2 * np.rint(0.5 * u))

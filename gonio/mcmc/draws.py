@@ -22,23 +22,22 @@ class Draws:
 
     def rows(self, step: int, count: int) -> tuple[Array, Array]:
         """Uniforms (count, uniforms, chains) in [0, 1) and standard normals (count, normals, chains)."""
-        chunk, first = divmod(step, ROWS)
-        u, z = self._table(chunk)
-        if first + count <= ROWS:
-            return u[first : first + count], z[first : first + count]
-        parts = [(u[first:], z[first:])]
-        while (left := count - sum(len(p[0]) for p in parts)) > 0:
-            chunk += 1
-            u, z = self._table(chunk)
-            parts.append((u[:left], z[:left]))
-        return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+        parts, end = [], step + count
+        while step < end:
+            chunk, first = divmod(step, ROWS)
+            last = min(ROWS, first + end - step)
+            parts.append([table[:, first:last].transpose(1, 2, 0) for table in self._table(chunk)])
+            step += last - first
+        u, z = parts[0] if len(parts) == 1 else (np.concatenate(p) for p in zip(*parts))
+        return np.ascontiguousarray(u), np.ascontiguousarray(z)
 
     def _make(self, chunk: int) -> tuple[Array, Array]:
-        u = np.empty((ROWS, self.uniforms, self.chains))
-        z = np.empty((ROWS, self.normals, self.chains))
+        # each generator fills a stretch of its own; chains are put side by side a step at a time, in cache
+        u = np.empty((self.chains, ROWS, self.uniforms))
+        z = np.empty((self.chains, ROWS, self.normals))
         for c in range(self.chains):
             rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(self.seed, spawn_key=(c, chunk))))
-            u[:, :, c] = rng.random((ROWS, self.uniforms))
+            rng.random(out=u[c])
             if self.normals:
-                z[:, :, c] = rng.standard_normal((ROWS, self.normals))
+                rng.standard_normal(out=z[c])
         return u, z

@@ -20,7 +20,7 @@ from gonio.mcmc.draws import Draws
 from gonio.mcmc.history import History
 from gonio.mcmc.pilot import pilot_directions
 from gonio.mcmc.proposals import LOCAL, PILOT
-from gonio.mcmc.round import ANSWERED, Round
+from gonio.mcmc.round import Round
 from gonio.mcmc.steps import StepLog, Steps
 from gonio.mcmc.target import Target
 
@@ -66,6 +66,7 @@ class Sampler:
         self.kernel = -1  # which of the plan's kernels the chains' coordinates belong to
         self._round: Round | None = None
         self._pilot = False
+        self._all_started = False
         if plan.learns or target.needs_scale:
             self._begin_pilot(anisotropic)
 
@@ -75,8 +76,7 @@ class Sampler:
         """What is needed next: all measurements of the round that were not told yet. Raises NoSupport."""
         while (r := self._round) is None:
             self._begin_round()
-        wanted = r.wanted
-        return Batch(r.ids[wanted], r.wi[wanted], r.wo[wanted])
+        return Batch(*r.wanted())
 
     def tell(self, ids, f, sigma=None) -> None:
         """BRDF values f (M, C) of measurements `ids`, NaN = could not be measured; any subset, in any order.
@@ -126,8 +126,8 @@ class Sampler:
         keep = np.ones(len(wi), bool) if self.reachable is None else self.reachable(wi, wo)
         if keep.any():
             wi, wo, log_q = wi[keep], wo[keep], log_q[keep]
-            kind, alive, n = np.full(len(wi), PILOT, np.int8), np.ones(len(wi), bool), len(wi)
-            self._open(Round.of(None, wi, wo, -log_q, kind, np.empty((1, n)), alive, **self._sizes(1)))
+            kind, alive, coin = np.full(len(wi), PILOT, np.int8), np.ones(len(wi), bool), np.empty((1, len(wi)))
+            self._open(Round.of(None, wi, wo, -log_q, kind, coin, alive, **self._sizes(1)))
             self._pilot = True
 
     def _begin_round(self) -> None:
@@ -139,13 +139,13 @@ class Sampler:
             self.kernel = k
         uniform, normal = self.draws.rows(self.step, block)
         u, kind = self._propose(proposal, block, uniform[:, 2:], normal)
-        wi, wo = proposal.to_directions(u)
-        alive = self._alive(wi, wo)
-        log_j, log_s = proposal.log_jacobian(u), None
+        wi, wo, log_j = proposal.place(u)
+        alive, log_s = self._alive(wi, wo), None
+        coins = np.log(uniform[:, :2] + TINY)
         if self.plan.screen is not None and block == 1:
-            alive, log_s = self._screen(wi, wo, log_j, alive, uniform[0, 0])
+            alive, log_s = self._screen(wi, wo, log_j, alive, coins[0, 0])
         self.rounds += 1
-        r = Round.of(u, wi, wo, log_j, kind, uniform[:, 1], alive, log_s=log_s, **self._sizes(block))
+        r = Round.of(u, wi, wo, log_j, kind, coins[:, 1], alive, log_s=log_s, **self._sizes(block))
         self._open(r)
         self.free_rounds = self.free_rounds + 1 if r.unanswered == 0 else 0
         if self.free_rounds > MAX_FREE_ROUNDS:
@@ -153,7 +153,7 @@ class Sampler:
                 f"{self.free_rounds} proposals in a row fell where nothing can be measured; "
                 "check the rig's limits and stay-out cone, or choose another proposal"
             )
-        if len(r.where) < len(r.status):  # what is free needs no answer
+        if len(r.where) < len(wi):  # what is free needs no answer
             self._settle(r)
 
     def _open(self, r: Round) -> None:
@@ -180,8 +180,9 @@ class Sampler:
         if block > 1 or self.chains.u is None:
             return proposal.propose(None, u_in, z)
         u, kind = proposal.propose(self.chains.u, u_in, z)
-        started = self.chains.started
-        if not started.all():
+        if not self._all_started:
+            started = self.chains.started
+            self._all_started = bool(started.all())
             fresh, fresh_kind = proposal.propose(None, u_in, z)
             u, kind = np.where(started, u, fresh), np.where(started, kind, fresh_kind)
         return u, kind
@@ -189,11 +190,11 @@ class Sampler:
     def _alive(self, wi: Array, wo: Array) -> NDArray[np.bool_]:
         alive = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         if self.reachable is not None:
-            i = np.flatnonzero(alive)
+            i = alive.nonzero()[0]
             alive[i] = self.reachable(wi[i], wo[i])
         return alive
 
-    def _screen(self, wi: Array, wo: Array, log_j: Array, alive, coin: Array) -> tuple[NDArray[np.bool_], Array]:
+    def _screen(self, wi: Array, wo: Array, log_j: Array, alive, log_coin: Array) -> tuple[NDArray[np.bool_], Array]:
         """First stage of delayed acceptance (Christen & Fox 2005): the surrogate rejects without a measurement.
 
         What passes is judged by the ratio of target to surrogate; the second value is the surrogate's part of it.
@@ -202,9 +203,9 @@ class Sampler:
         new, old = np.full(self.count, -np.inf), np.zeros(self.count)
         new[alive] = self.target.log_prob(self.plan.screen(wi[alive], wo[alive]), wo[alive, 2])
         old[started] = self.target.log_prob(self.plan.screen(c.wi[started], c.wo[started]), c.wo[started, 2])
-        jacobian = np.where(started, c.log_w, 0) - np.where(started, c.log_p, 0)
+        jacobian = c.log_w - c.log_p  # 0 where not started
         ratio = np.where(alive & started, new + log_j - old - jacobian, 0.0)
-        return alive & (np.log(coin + TINY) < ratio), ratio
+        return alive & (log_coin < ratio), ratio
 
     # ---- judging
 
@@ -214,31 +215,39 @@ class Sampler:
             if r.unanswered == 0:
                 self._end_pilot(r)
             return
-        ready, c = r.ready(self.count), self.count
+        ready = r.ready(self.count)
         if ready > r.settled:
-            cells = slice(r.settled * c, ready * c)
-            log_p = self.target.log_prob(r.f[cells], r.wo[cells, 2])
-            log_p = np.where((r.status[cells] == ANSWERED) & np.isfinite(log_p), log_p, -np.inf)
+            log_p, f, ids = self._values(r)
             for b in range(r.settled, ready):
-                self._judge(r, b, log_p[(b - r.settled) * c : (b - r.settled + 1) * c])
+                cell = slice(b * self.count, (b + 1) * self.count)
+                self._judge(r, b, cell, log_p[cell], f[cell], ids[cell])
             r.settled = ready
             if ready == r.block:
                 self._end_round(r)
 
-    def _judge(self, r: Round, b: int, log_p: Array) -> None:
-        cell = slice(b * self.count, (b + 1) * self.count)
-        chains, kind, ids, wi, wo = self.chains, r.kind[cell], r.ids[cell], r.wi[cell], r.wo[cell]
-        # a chain without a state (-inf) takes the first place that can be measured
-        measured = log_p > -np.inf
-        log_w = np.where(measured, log_p + r.log_j[cell], -np.inf)
-        gain = np.where(measured, log_w, 0.0) - np.where(measured, chains.log_w, 0.0)
+    def _values(self, r: Round) -> tuple[Array, Array, NDArray[np.int64]]:
+        """log target, f and id of every proposal; -inf where outside the support or not measured (yet)."""
+        n = len(r.wi)
+        ids = r.ids()
+        if len(r.where) == n and r.unanswered == 0 and np.isfinite(r.f.sum()):
+            return self.target.log_prob(r.f, r.wo[:, 2]), r.f, ids
+        good = (r.told & np.isfinite(r.f).all(1)).nonzero()[0]
+        at = r.where[good]
+        log_p, f = np.full(n, -np.inf), np.zeros((n, self.channels))
+        f[at] = r.f[good]
+        log_p[at] = self.target.log_prob(f[at], r.wo[at, 2])
+        return log_p, f, ids
+
+    def _judge(self, r: Round, b: int, cell: slice, log_p: Array, f: Array, ids: NDArray[np.int64]) -> None:
+        assert r.u is not None  # only the pilot has no coordinates, and it is not judged
+        chains, wi, wo, log_j = self.chains, r.wi[cell], r.wo[cell], r.log_j[cell]
+        log_w = log_p + log_j
+        gain = log_w - chains.log_w
         if r.log_s is not None:
             gain = gain - r.log_s[cell]
-        accepted = measured & (np.log(r.coin[b] + TINY) < gain)
-        assert r.u is not None  # only the pilot has no coordinates, and it is not judged
-        chains.move(accepted, r.u[:, cell], wi, wo, r.f[cell], log_p, log_w, ids)
-        log_q = np.where(kind == LOCAL, np.nan, -r.log_j[cell])
-        self.log.add(self.step + b, kind, ids, accepted, log_q, chains.at, chains.log_p, wi, wo)
+        accepted = r.log_coin[b] < gain
+        chains.move(accepted, r.u[:, cell], wi, wo, f, log_p, log_w, ids)
+        self.log.add(self.step + b, r.kind[cell], ids, accepted, log_j, chains.at, chains.log_p, wi, wo)
 
     def _end_round(self, r: Round) -> None:
         self.step += r.block
@@ -248,18 +257,19 @@ class Sampler:
         good = np.isfinite(r.f).all(1)
         if good.any():
             self.target.rescale(r.f[good], r.wo[good, 2], -r.log_j[good])
-        self.log.add_pilot(r.ids, -r.log_j, r.wi, r.wo)
+        self.log.add_pilot(r.ids(), -r.log_j, r.wi, r.wo)
         self._pilot = False
         self._close(r)
 
     def _close(self, r: Round) -> None:
-        f = r.f[r.where]
-        good = np.isfinite(f).all(1)
-        last = np.flatnonzero(good)[-1:]
-        bad = self.unmeasured_in_a_row + len(f)
-        self.unmeasured_in_a_row = int(len(f) - 1 - last[0]) if len(last) else bad
-        if self.history is not None:
-            i = r.where[good]
-            log_q = np.where(r.kind[i] == LOCAL, np.nan, -r.log_j[i])
-            self.history.add(r.ids[i], r.wi[i], r.wo[i], r.f[i], log_q)
         self._round = None
+        if self.history is None and np.isfinite(r.f.sum()):
+            self.unmeasured_in_a_row = 0
+            return
+        measured, told = np.flatnonzero(np.isfinite(r.f).all(1)), len(r.f)
+        row = told - 1 - measured[-1] if len(measured) else self.unmeasured_in_a_row + told
+        self.unmeasured_in_a_row = int(row)
+        if self.history is not None:
+            i = r.where[measured]
+            log_q = np.where(r.kind[i] == LOCAL, np.nan, -r.log_j[i])
+            self.history.add(r.first_id + measured, r.wi[i], r.wo[i], r.f[measured], log_q)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gonio.geometry import Array
-from gonio.mcmc.proposals import PILOT
+from gonio.mcmc.proposals import LOCAL, PILOT
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,9 @@ class StepLog:
         self._columns: list[tuple] = []
         self._pilot: list[Steps] = []
 
-    def add(self, step: int, kind, id, accepted, log_q, state, log_p, wi, wo) -> None:
-        """One column; the arrays become the log's own."""
-        self._columns.append((step, kind, id, accepted, log_q, state, log_p, wi, wo))
+    def add(self, step: int, kind, id, accepted, log_j, state, log_p, wi, wo) -> None:
+        """One column: a step of every chain; the arrays become the log's own. log_j = -log_q."""
+        self._columns.append((step, kind, id, accepted, log_j, state, log_p, wi, wo))
 
     def add_pilot(self, ids: NDArray[np.int64], log_q: Array, wi: Array, wo: Array) -> None:
         """Measurements made before any chain moved: rows of chain 0 with steps below 0."""
@@ -74,8 +74,11 @@ class StepLog:
         pilot, self._pilot = self._pilot, []
         if not columns:
             return Steps.concatenate(pilot)
-        step, *rest = zip(*columns)
-        n = len(self.index)
-        columns_of: list = [np.concatenate(c) for c in rest]
-        rows = Steps(np.tile(self.index, len(step)), np.repeat(np.array(step, np.int64), n), *columns_of)  # type: ignore[call-arg] # fields in order
+        steps, *rest = zip(*columns)
+        kind, ids, accepted, log_j, state, log_p, wi, wo = (np.concatenate(c) for c in rest)
+        step = np.repeat(np.array(steps, np.int64), len(self.index))
+        log_q = np.where(kind == LOCAL, np.nan, -log_j)
+        log_p = np.where(state < 0, np.nan, log_p)
+        chain = np.tile(self.index, len(steps))
+        rows = Steps(chain, step, kind, ids, accepted, log_q, state, log_p, wi, wo)
         return Steps.concatenate([*pilot, rows]) if pilot else rows

@@ -9,6 +9,7 @@ A proposal works in coordinates `u` of its own, (n, chains). It offers
     to_directions(u)             -> wi, wo, (N, 3)
     from_directions(wi, wo)      -> u, its inverse up to the symmetries of the surface
     log_jacobian(u)              log |d(wi, wo) / du|, solid angles (isotropic: up to a constant)
+    place(u)                     -> wi, wo, log_jacobian, at the price of one
 
 so that a move is accepted with min(1, W(u_new) / W(u)), W = p(wi, wo) |d(wi, wo) / du| (METHOD 2). An independence
 proposal draws u_new afresh from a density q(wi, wo); its coordinates are the directions themselves and its

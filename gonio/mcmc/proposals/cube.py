@@ -4,7 +4,7 @@ import numpy as np
 
 from gonio.geometry import Array
 from gonio.mcmc.boundary import reflect, wrap
-from gonio.mcmc.proposals import GLOBAL, LOCAL
+from gonio.mcmc.proposals import GLOBAL
 
 
 class CubeStep:
@@ -31,4 +31,4 @@ class CubeStep:
                 moved[k] = wrap(moved[k])
             moved = reflect(moved)
         jump = uniform[0] < self.global_share
-        return np.where(jump, fresh, moved), np.where(jump, GLOBAL, LOCAL).astype(np.int8)
+        return np.where(jump, fresh, moved), jump.view(np.int8)  # LOCAL = 0, GLOBAL = 1

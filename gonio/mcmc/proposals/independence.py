@@ -112,6 +112,9 @@ class Independence:
         wi, wo = self.density.sample(uniform)
         return np.concatenate([wi.T, wo.T]), np.full(len(wi), INDEPENDENCE, np.int8)
 
+    def place(self, u: Array) -> tuple[Array, Array, Array]:
+        return *self.to_directions(u), self.log_jacobian(u)
+
     def to_directions(self, u: Array) -> tuple[Array, Array]:
         return u[:3].T.copy(), u[3:].T.copy()
 

@@ -17,9 +17,13 @@ class PssNdf(PssSimple):
         super().__init__(anisotropic=anisotropic, sigma=sigma, global_share=global_share, boundary=boundary)
         self.alpha = alpha
 
+    def place(self, u: Array) -> tuple[Array, Array, Array]:
+        wi, wo = self.to_directions(u)
+        return wi, wo, self.log_jacobian(u)
+
     def to_directions(self, u: Array) -> tuple[Array, Array]:
         t2 = self._tan2(u)
-        return super().to_directions(np.concatenate([np.sqrt(t2 / (1 + t2))[None], u[1:]]))
+        return self._directions(np.sqrt(t2 / (1 + t2)), u)[:2]
 
     def from_directions(self, wi: Array, wo: Array) -> Array:
         u = super().from_directions(wi, wo)

@@ -11,31 +11,52 @@ from gonio.geometry import Array, to_half_diff
 from gonio.mcmc.proposals.cube import CubeStep
 
 PI = np.pi
+TINY = 1e-300
 
 
 class PssSimple:
     def __init__(self, *, anisotropic: bool, sigma: float, global_share: float, boundary: str):
         self.anisotropic = anisotropic
         self.step = CubeStep(4 if anisotropic else 3, sigma, global_share, boundary, (2, 3) if anisotropic else ())
+        self._scale = np.array([[0.5 * PI], [2 * PI if anisotropic else PI]])
         self.uniforms, self.normals = self.step.uniforms, self.step.normals
 
     def propose(self, u: Array | None, uniform: Array, normal: Array) -> tuple[Array, Array]:
         return self.step(u, uniform, normal)
 
+    def place(self, u: Array) -> tuple[Array, Array, Array]:
+        wi, wo, sin_cos = self._directions(u[0], u)
+        return wi, wo, self._log_jacobian(u[0], sin_cos)
+
     def to_directions(self, u: Array) -> tuple[Array, Array]:
-        sh = u[0]
-        theta_d, phi_d = u[1] * (0.5 * PI), u[2] * (2 * PI if self.anisotropic else PI)
+        return self._directions(u[0], u)[:2]
+
+    def log_jacobian(self, u: Array) -> Array:
+        return self._log_jacobian(u[0], 0.5 * np.sin(PI * u[1]))
+
+    def _directions(self, sh: Array, u: Array) -> tuple[Array, Array, Array]:
+        """wi, wo and sin theta_d cos theta_d for sin theta_h = sh and the other coordinates of u."""
+        angles = u[1:3] * self._scale
         ch = np.sqrt((1 - sh) * (1 + sh))
-        cd, sd = np.cos(theta_d), np.sin(theta_d)
-        tx, ty = sd * np.cos(phi_d), sd * np.sin(phi_d)
-        # h = (sh, 0, ch) and d's tangential part (tx, ty) along (ch, 0, -sh) and y, for phi_h = 0
-        hx, hz, dx, dz = cd * sh, cd * ch, tx * ch, tx * sh
-        wi, wo = np.empty((u.shape[1], 3)), np.empty((u.shape[1], 3))
-        wi[:, 0], wi[:, 1], wi[:, 2] = hx + dx, ty, hz - dz
-        wo[:, 0], wo[:, 1], wo[:, 2] = hx - dx, -ty, hz + dz
+        (sd, sp), (cd, cp) = np.sin(angles), np.cos(angles)
+        # h = (sh, 0, ch), and d's tangential part (tx, ty) along (ch, 0, -sh) and y, for phi_h = 0
+        tx, hx, hz = sd * cp, cd * sh, cd * ch
+        dx, dy, dz = tx * ch, sd * sp, tx * sh
+        pair = np.empty((2, 3, len(sh)))
+        np.add(hx, dx, pair[0, 0])
+        np.subtract(hx, dx, pair[1, 0])
+        pair[0, 1] = dy
+        np.negative(dy, pair[1, 1])
+        np.subtract(hz, dz, pair[0, 2])
+        np.add(hz, dz, pair[1, 2])
+        wi, wo = pair[0].T, pair[1].T
         if self.anisotropic:
             turn(wi, wo, 2 * PI * u[3])
-        return wi, wo
+        return wi, wo, sd * cd
+
+    def _log_jacobian(self, sh: Array, sin_cos: Array) -> Array:
+        # rounding may put theta_d a hair past pi/2; the tiny number keeps log 0 finite, its weight is 0 anyway
+        return np.log(2 * PI * PI * sh * np.abs(sin_cos) / np.sqrt((1 - sh) * (1 + sh) + TINY) + TINY)
 
     def from_directions(self, wi: Array, wo: Array) -> Array:
         theta_h, phi_h, theta_d, phi_d = to_half_diff(wi, wo)
@@ -43,10 +64,6 @@ class PssSimple:
         if self.anisotropic:
             return np.stack([*u, phi_d / (2 * PI) % 1, phi_h / (2 * PI) % 1])
         return np.stack([*u, np.abs(phi_d) / PI])
-
-    def log_jacobian(self, u: Array) -> Array:
-        # sin theta_d cos theta_d = sin(pi u2) / 2; the tiny number keeps log 0 finite where the weight is 0 anyway
-        return np.log(PI * PI * u[0] * np.abs(np.sin(PI * u[1])) / np.sqrt((1 - u[0]) * (1 + u[0]) + 1e-300) + 1e-300)
 
 
 def turn(wi: Array, wo: Array, phi: Array) -> None:

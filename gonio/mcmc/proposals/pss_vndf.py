@@ -29,6 +29,10 @@ class PssVndf:
     def propose(self, u: Array | None, uniform: Array, normal: Array) -> tuple[Array, Array]:
         return self.step(u, uniform, normal)
 
+    def place(self, u: Array) -> tuple[Array, Array, Array]:
+        wi, wo = self.to_directions(u)
+        return wi, wo, -self.log_pdf(wi, wo)
+
     def to_directions(self, u: Array) -> tuple[Array, Array]:
         z = 1 - u[2]  # uniform on the hemisphere
         r = np.sqrt(u[2] * (2 - u[2]))

@@ -8,7 +8,7 @@ inverse of its cumulative in the form of Jakob (2012), which neither overflows a
 import numpy as np
 
 from gonio.geometry import Array, from_angles, from_half_diff, half_diff_jacobian, to_half_diff
-from gonio.mcmc.proposals import GLOBAL, LOCAL
+from gonio.mcmc.proposals import GLOBAL
 
 PI = np.pi
 
@@ -56,11 +56,14 @@ class Vmf:
             [sample_vmf(u[:3].T, self.kappa, r[0], r[1]).T, sample_vmf(u[3:].T, self.kappa, r[2], r[3]).T]
         )
         jump = coin < self.global_share
-        return np.where(jump, fresh, moved), np.where(jump, GLOBAL, LOCAL).astype(np.int8)
+        return np.where(jump, fresh, moved), jump.view(np.int8)  # LOCAL = 0, GLOBAL = 1
 
 
 class VmfIo(Vmf):
     """The step in (wi, wo)."""
+
+    def place(self, u: Array) -> tuple[Array, Array, Array]:
+        return *self.to_directions(u), self.log_jacobian(u)
 
     def to_directions(self, u: Array) -> tuple[Array, Array]:
         return u[:3].T.copy(), u[3:].T.copy()
@@ -74,6 +77,9 @@ class VmfIo(Vmf):
 
 class VmfHd(Vmf):
     """The step in (h, d), d in the frame of h; |d(wi, wo) / d(h, d)| = 4 cos theta_d."""
+
+    def place(self, u: Array) -> tuple[Array, Array, Array]:
+        return *self.to_directions(u), self.log_jacobian(u)
 
     def to_directions(self, u: Array) -> tuple[Array, Array]:
         theta_h, phi_h = np.arctan2(np.hypot(u[0], u[1]), u[2]), np.arctan2(u[1], u[0])
