@@ -1,5 +1,9 @@
 """Opens the rig that a config describes, at the depth it names. The one place that knows both families of devices."""
 
+from importlib import import_module
+
+import numpy as np
+
 from gonio.brdf.base import Brdf
 from gonio.config.loader import ConfigError
 from gonio.config.plan import PlanConfig
@@ -23,13 +27,13 @@ def open_rig(
     if config.depth == "real":
         if truth is not None:
             raise ConfigError(f"truth: rig {config.name} is real and shows what lies on it; leave `truth` out")
-        raise ConfigError(f"depth: rig {config.name} is real, and there are no drivers for it yet")
+        return _family(config, "drivers.rig").open_real(config, plan, isotropic)
     if truth is None:
         raise ConfigError(f"truth: missing; rig {config.name} is simulated and needs a BRDF to show")
     from sim.sample import Sample
 
-    lit, seen = config.acceptance.light_half_angle_deg, config.acceptance.detector_half_angle_deg
-    sample = Sample(truth, lit * 0.017453292519943295, seen * 0.017453292519943295)
+    half = np.radians([config.acceptance.light_half_angle_deg, config.acceptance.detector_half_angle_deg])
+    sample = Sample(truth, *half.tolist())
     if config.depth == "ideal":
         from sim.ideal import IdealRig
 
@@ -38,6 +42,14 @@ def open_rig(
         from sim.rig import open_sim
 
         return open_sim(config, sample, seed, plan, isotropic)
-    raise ConfigError(
-        f"depth: rig {config.name} asks for {config.depth}, which does not exist yet; use ideal or devices"
-    )
+    return _family(config, "sim.wire.rig").open_wire(config, sample, seed, plan, isotropic)
+
+
+def _family(config: RigConfig, module: str):
+    """The module that opens rigs of this depth. Raises ConfigError where it is not installed."""
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as e:
+        raise ConfigError(
+            f"depth: rig {config.name} is {config.depth} and needs {e.name}, which is not installed"
+        ) from None

@@ -4,7 +4,8 @@ Equivalent poses, a turned table, swapped arms are used to save motion, and are 
 `truth` at the pair asked for. Nothing depends on the order of visits, so a resumed run is the same run.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ class IdealRig:
     """Implements `gonio.rig.devices.Rig`. Seconds pass on `clock` only."""
 
     simulated = True
+    calibration_ids: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, config: RigConfig, sample: Sample, plan: PlanConfig, isotropic: bool):
         self.config, self.sample = config, sample

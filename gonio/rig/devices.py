@@ -1,6 +1,6 @@
 """What a device must offer. `drivers` (real) and `sim` (simulated) are two families of these, peers of each other."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -116,6 +116,11 @@ class Rig(Protocol):
 
     @property
     def channels(self) -> int: ...
+
+    @property
+    def calibration_ids(self) -> Mapping[str, str]:
+        """Calibrations in use, kind -> id: part of a run's provenance."""
+        ...
 
     def reachable(self, wi: Array, wo: Array) -> NDArray[np.bool_]:
         """Which pairs the rig can visit, decided before sampling; the support of the target. Touches no hardware."""

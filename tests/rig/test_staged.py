@@ -1,0 +1,159 @@
+"""The class that drives devices, with devices of its own: order of events, overlap, faults."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from gonio.config import load_config
+from gonio.config.plan import PlanConfig
+from gonio.config.rig import RigConfig
+from gonio.geometry import from_angles
+from gonio.rig.build import envelope_of, park_pose, radiometry_of
+from gonio.rig.clock import RealClock
+from gonio.rig.devices import Reading
+from gonio.rig.errors import DeviceFault, SafetyStop
+from gonio.rig.staged import DARKS, StagedRig
+from tests.conftest import ROOT
+
+SIM = load_config(ROOT / "configs/rigs/sim.yaml", RigConfig).model_copy(update={"settle_s": 0.0})
+
+
+class Log(list):
+    """What happened, in order."""
+
+
+class Stage:
+    def __init__(self, log, envelope):
+        self.log, self.axes, self.homed = log, envelope.axes, True
+        self.at = envelope.snap(park_pose(SIM))
+        self.fail_at = None
+        self.halted = threading.Event()
+
+    def move(self, pose, deadline):
+        self.log.append("move")
+        if self.fail_at == self.log.count("move"):
+            raise DeviceFault("turntable", "overload", "let it cool, then home")
+        self.at = np.array(pose)
+        return self.at
+
+    def pose(self):
+        return self.at
+
+    def home(self):
+        self.homed = True
+
+    def stop(self):
+        self.halted.set()
+
+    def park(self): ...
+
+
+class Detector:
+    def __init__(self, log):
+        self.log, self.expected = log, []
+
+    def expect(self, signal):
+        self.expected.append(signal)
+
+    def read(self, exposure=None):
+        self.log.append("read")
+        return Reading(np.full(3, 0.5), np.full(3, 0.01), False, {"exposure_s": exposure})
+
+
+class Light:
+    def __init__(self, log):
+        self.log, self.lit = log, False
+
+    def on(self):
+        self.lit = True
+
+    def off(self):
+        self.log.append("off")
+        self.lit = False
+
+    def level(self, fraction): ...
+
+
+def make(plan=None):
+    log, envelope = Log(), envelope_of(SIM)
+    devices = Stage(log, envelope), Detector(log), Light(log)
+    radiometry, plan = radiometry_of(SIM, 3), plan or PlanConfig(tour=False)
+    rig = StagedRig(SIM, envelope, *devices, radiometry, RealClock(), plan, False, simulated=False)
+    return rig, log
+
+
+WI, WO = from_angles(np.full(5, 0.5), 0.0), from_angles(np.full(5, 0.9), np.linspace(1, 3, 5))
+IDS = np.arange(5)
+
+
+def test_nothing_moves_before_what_was_read_is_stored():
+    rig, log = make()
+    for _ in rig.visit(WI, WO, IDS):
+        log.append("stored")
+    assert log == ["off", *["read"] * DARKS, *["move", "read", "stored"] * 5]
+    rig.close()
+    assert not rig.light.lit
+
+
+def test_overlap_moves_while_storing():
+    rig, log = make(PlanConfig(tour=False, overlap=True))
+    count = 0
+    for k, _ in enumerate(rig.visit(WI, WO, IDS)):
+        if k < 4:
+            rig._ahead.submit(lambda: None).result()  # the one thread of the stage has the next move behind it
+        assert log.count("move") == min(k + 2, 5)
+        count += 1
+    assert count == 5
+    rig.close()
+
+
+def test_dark_is_shared_and_renewed():
+    rig, log = make(PlanConfig(tour=False, dark_every=2))
+    list(rig.visit(WI, WO, IDS))
+    assert log.count("read") == 5 + 3 * DARKS
+
+
+def test_a_fault_puts_the_light_out_and_keeps_what_was_read():
+    rig, log = make()
+    rig.stage.fail_at = 3
+    seen = []
+    with pytest.raises(DeviceFault, match="turntable: overload; let it cool"):
+        for v in rig.visit(WI, WO, IDS):
+            seen.append(v)
+    assert len(seen) == 2 and not rig.light.lit and log[-1] == "off"
+
+
+def test_a_stop_from_another_thread_ends_the_visit_without_another_move():
+    rig, log = make()
+    visit = rig.visit(WI, WO, IDS)
+    next(visit)
+    thread = threading.Thread(target=rig.stop)
+    thread.start()
+    thread.join()
+    assert list(visit) == [] and log.count("move") == 1 and rig.stage.halted.is_set()
+
+
+def test_not_homed():
+    rig, log = make()
+    rig.stage.homed = False
+    with pytest.raises(SafetyStop, match="gonio home"):
+        list(rig.visit(WI, WO, IDS))
+    assert "move" not in log
+
+
+def test_the_surrogate_tells_the_detector_what_to_expect():
+    rig, _ = make()
+    rig.surrogate = lambda wi, wo: np.full((1, 3), 0.25)
+    list(rig.visit(WI, WO, IDS))
+    np.testing.assert_allclose(rig.detector.expected[0], np.pi * 0.25 * np.cos(0.5), rtol=1e-12)
+
+
+def test_negative_f_is_kept():
+    rig, _ = make()
+    dark_then_less = iter([0.5] * DARKS + [0.4] * 5)
+    rig.detector.read = lambda exposure: Reading(
+        np.full(3, next(dark_then_less)), np.full(3, 0.01), False, {"exposure_s": exposure}
+    )
+    f = np.concatenate([v.f for v in rig.visit(WI, WO, IDS)])
+    assert np.all(f < 0)
