@@ -7,6 +7,7 @@ import numpy as np
 
 from gonio.geometry import Array
 from gonio.rig.envelope import Envelope
+from gonio.rig.route import route
 
 
 class Approach:
@@ -24,7 +25,7 @@ class Approach:
 
     def legs(self, start: Array, end: Array, seconds: Callable[[Array], Array]) -> Array | None:
         """Poses (K, A) to drive through, `end` last, all inside the limits and clear of the cone; None = no way."""
-        way = self.envelope.route(start, end, seconds)
+        way = route(self.envelope, start, end, seconds)
         if way is None or not self.backlash.any():
             return way
         matters = self._matters(end) if self.one_sided == "needed" else self.backlash > 0
@@ -36,7 +37,7 @@ class Approach:
                 return way
             low |= more
             below = np.where(low, end - self._room, end)
-            to_below = self.envelope.route(start, below, seconds)
+            to_below = route(self.envelope, start, below, seconds)
             if to_below is None or not self.envelope.path_clear(below[None], end[None])[0]:
                 return way  # better with its backlash than not at all
             way = np.concatenate([to_below, end[None]])

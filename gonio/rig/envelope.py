@@ -4,8 +4,6 @@ What may be measured is decided here before sampling, so that it is the support 
 checked along its whole path.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +13,6 @@ from gonio.rig.kinematics import Gantry, Kinematics
 
 TOLERANCE = np.radians(0.02)  # nearer to the cone than this is in it
 MAX_STEPS = 400  # along a path; whoever creeps along the cone for longer had better go round
-MAX_PAIRS = 1000  # pairs of waypoints tried before a way is given up
 
 
 class Envelope:
@@ -50,11 +47,6 @@ class Envelope:
             return poses
         grid = np.where(self.resolution > 0, self.resolution, 1.0)
         return np.where(self.resolution > 0, np.round(poses / grid) * grid, poses)
-
-    def snap_axis(self, axis: int, angle: Array) -> Array:
-        """The nearest angles that one encoder can show."""
-        step = self.resolution[axis]
-        return np.round(angle / step) * step if step else angle
 
     def fit(self, poses: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Poses (N, B, A) snapped to counts, with every way round an axis: (N, B W, A); and which are allowed."""
@@ -93,56 +85,6 @@ class Envelope:
             t[going] = np.minimum(t[going] + left / np.maximum(turn[going], 1e-12), 1)
         clear[going] = False
         return clear
-
-    def route(self, a: Array, b: Array, seconds: Callable[[Array], Array]) -> Array | None:
-        """Poses (K, A) to go through from a to b (both (A,)), b last; K = 1 if the straight way is clear. None: no way.
-
-        seconds gives the travel time of joint distances (..., A); of all the ways looked at, the fastest is taken.
-        """
-        if self.path_clear(a[None], b[None])[0]:
-            return b[None]
-        via = self._waypoints(a, b)
-        if self.separation(a) < self.stay_out + TOLERANCE:
-            return self._out_of_the_cone(a, b, via, seconds)
-        there, back = (
-            self.path_clear(np.broadcast_to(a, via.shape), via),
-            self.path_clear(via, np.broadcast_to(b, via.shape)),
-        )
-        first, last = via[there], via[back]
-        both = via[there & back]
-        if len(both):
-            return np.stack([both[int((seconds(both - a) + seconds(b - both)).argmin())], b])
-        if not len(first) or not len(last):
-            return None
-        time = seconds(first - a)[:, None] + seconds(last[None] - first[:, None]) + seconds(b - last)
-        for k in np.argsort(time, axis=None)[:MAX_PAIRS].reshape(-1, 50):
-            i, j = np.unravel_index(k, time.shape)
-            ok = np.flatnonzero(self.path_clear(first[i], last[j]))
-            if len(ok):
-                return np.stack([first[i[ok[0]]], last[j[ok[0]]], b])
-        return None
-
-    def _out_of_the_cone(self, a: Array, b: Array, via: Array, seconds: Callable[[Array], Array]) -> Array | None:
-        """As `route`, for a rig that stopped short inside the cone: first away from it, never deeper into it."""
-        share = np.linspace(0, 1, 65)[1:, None]
-        apart = np.array([self.separation(a + share * (v - a)).min() for v in via])
-        for k in np.argsort(np.where(apart >= self.separation(a) - 1e-9, seconds(via - a), np.inf)):
-            if apart[k] < self.separation(a) - 1e-9:
-                return None
-            rest = self.route(via[k], b, seconds)
-            if rest is not None:
-                return np.concatenate([via[k : k + 1], rest])
-        return None
-
-    def _waypoints(self, a: Array, b: Array) -> Array:
-        """Poses (V, A) to try on the way from a to b: each arm joint at either end's angle or well inside its range."""
-        values = []
-        for k, arm in enumerate(self.kinematics.arms):
-            low, span = self.lower[k], self.upper[k] - self.lower[k]
-            inner = self.snap_axis(k, low + span * np.array([0.07, 0.25, 0.75, 0.93])).tolist() if arm else []
-            values.append([b[k], *([a[k], *inner] if arm else [])])
-        via = np.stack(np.meshgrid(*values, indexing="ij"), -1).reshape(-1, len(values))
-        return via[self.inside(via) & (self.separation(via) >= self.stay_out + 2 * TOLERANCE)]
 
     def reachable(self, wi: Array, wo: Array) -> NDArray[np.bool_]:
         """Which pairs (N, 3), (N, 3) the rig can show: both above the horizon, apart, and within the limits."""

@@ -11,6 +11,7 @@ from gonio.rig.build import envelope_of, gantry_chain, park_pose
 from gonio.rig.envelope import Envelope
 from gonio.rig.motion import move_time
 from gonio.rig.plan import Planner
+from gonio.rig.route import route
 from gonio.rigs import open_rig
 from tests.conftest import ROOT
 
@@ -55,7 +56,7 @@ def test_every_way_round_is_clear_and_within_limits():
     blocked = np.flatnonzero(~ENVELOPE.path_clear(a[:n], b[:n]))[:60]
     assert len(blocked) == 60
     for k in blocked:
-        way = ENVELOPE.route(a[k], b[k], seconds)
+        way = route(ENVELOPE, a[k], b[k], seconds)
         legs = np.concatenate([a[k][None], way])
         assert np.array_equal(way[-1], b[k]) and ENVELOPE.inside(way).all()
         assert least_separation(legs[:-1], legs[1:], 2000).min() >= CONE
@@ -63,7 +64,7 @@ def test_every_way_round_is_clear_and_within_limits():
 
 def test_a_way_out_of_the_cone_goes_no_deeper():
     a = np.radians([30.0, 0, 33, 4])
-    way = ENVELOPE.route(a, np.radians([-40.0, 10, 20, -60]), seconds)
+    way = route(ENVELOPE, a, np.radians([-40.0, 10, 20, -60]), seconds)
     legs = np.concatenate([a[None], way])
     assert least_separation(legs[:1], legs[1:2])[0] >= ENVELOPE.separation(a) - 1e-6
     assert least_separation(legs[1:-1], legs[2:]).min() >= CONE
@@ -136,3 +137,14 @@ def test_a_tilted_rig_keeps_clear_too():
     share = np.linspace(0, 1, 50)[:, None, None]
     wi, wo = chain.forward((a + share * (b - a))[:, clear])
     assert np.arccos(np.clip((wi * wo).sum(-1), -1, 1)).min() >= CONE
+
+
+def test_a_way_by_two_waypoints():
+    """An azimuth of 30 degrees leaves little room: one waypoint does not do for this pair."""
+    azimuth = SIM.axes["azimuth"].model_copy(update={"lower_deg": -15.0, "upper_deg": 15.0})
+    envelope = envelope_of(SIM.model_copy(update={"axes": {**SIM.axes, "azimuth": azimuth}}))
+    a, b = envelope.snap(np.radians([[-10.459, 163.652, 0, -2.197], [15.732, -84.199, -2.812, 12.48]]))
+    way = route(envelope, a, b, seconds)
+    legs = np.concatenate([a[None], way])
+    assert len(way) == 3 and envelope.inside(way).all()
+    assert least_separation(legs[:-1], legs[1:], 2000).min() >= CONE
