@@ -10,20 +10,21 @@ import numpy as np
 
 from gonio.geometry import Array
 from gonio.reconstruct.clean import clean
+from gonio.reconstruct.frame import Coordinates, Frame, PairAngles
+from gonio.reconstruct.grain import Grain
 from gonio.reconstruct.held_out import EnergyError
+from gonio.reconstruct.isotropic import Isotropic
 from gonio.reconstruct.lookup import Lookup
 from gonio.reconstruct.outliers import outliers
 from gonio.reconstruct.patches import Patches, left_out
 from gonio.reconstruct.residual import LogRatio
-from gonio.reconstruct.robust_base import Angles, RobustBase
+from gonio.reconstruct.robust_base import RobustBase
 from gonio.reconstruct.samples import Samples
 from gonio.reconstruct.spread import Spread
-from gonio.reconstruct.stretch import Stretch
-from gonio.reconstruct.tabulate import Chart, TabulatedBrdf
+from gonio.reconstruct.tabulate import TabulatedBrdf
 
 TESTED = 600
 LOOKED_AT = 3000
-SPREAD_NODES = (32, 24, 12)
 
 
 class AutoBrdf:
@@ -45,12 +46,12 @@ class AutoBrdf:
         return self.table.channels
 
     def std(self, wi: Array, wo: Array) -> Array:
-        """Standard deviation of `eval` in 1/sr, (N, C): about 68 % of true values lie within one. 0 below the horizon."""
+        """Standard deviation of `eval` in 1/sr, (N, C): 68 % of true values lie within one. 0 below the horizon."""
         wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
         out = np.zeros((len(wi), self.channels))
         up = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         if up.any():
-            a = self.table.angles(wi[up], wo[up])
+            a = self.table.frame.angles(wi[up], wo[up])
             base, ratio = self.table.base(a), self.table.ratio
             g = ratio.inverse(self.table.table(self.table.chart(a)), base)
             out[up] = self.spread(self.table.chart(a)) * ratio.slope(g, base) / a.cos_o[:, None]
@@ -73,7 +74,8 @@ class AutoBrdf:
 class Problem:
     """What is to be interpolated: log ratio y (N, C) of noise variance (N,) at `angles`, from g and sigma (N, C)."""
 
-    angles: Angles
+    frame: Frame
+    angles: PairAngles
     g: Array
     sigma: Array
     ratio: LogRatio
@@ -83,24 +85,25 @@ class Problem:
     variance: Array
 
     @classmethod
-    def of(cls, s: Samples, rng: np.random.Generator) -> "Problem":
-        a = Angles.of(s.wi, s.wo)
+    def of(cls, s: Samples, frame: Frame, rng: np.random.Generator) -> "Problem":
+        a = frame.angles(s.wi, s.wo)
         g, sigma = s.f * a.cos_o[:, None], s.sigma * a.cos_o[:, None]
         ratio = LogRatio.of(g, sigma)
         base = RobustBase.fit(a, g, ratio.floor, rng)
         b = base(a)
-        return cls(a, g, sigma, ratio, base, b, ratio.forward(g, b), ratio.variance(g, sigma, b))
+        return cls(frame, a, g, sigma, ratio, base, b, ratio.forward(g, b), ratio.variance(g, sigma, b))
 
 
 def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> AutoBrdf:
     """Raises ReconstructionError for samples too few or too poor."""
     s = clean(samples)
     bounds, s = s[s.saturated], s[~s.saturated]
-    p = Problem.of(s, rng)
-    wrong = outliers(Stretch(peak_width(p))(p.angles), p.y)
+    frame: Frame = Grain.of(s.wi, s.wo, np.maximum(s.f, 0)) if anisotropic else Isotropic()
+    p = Problem.of(s, frame, rng)
+    wrong = outliers(frame.stretch(peak_width(p))(p.angles), p.y)
     if wrong.any():
         s = s[~wrong]
-        p = Problem.of(s, rng)
+        p = Problem.of(s, frame, rng)
     stretch, _ = chosen_stretch(p, rng)
     x, y, variance = stretch(p.angles), p.y, p.variance
     if len(bounds):
@@ -109,11 +112,16 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Aut
     looked = rng.permutation(len(s))[:LOOKED_AT]
     said = left_out(x, y, variance, looked)
     error = EnergyError(p.angles, p.g, p.sigma, stretch, looked)(p.ratio.inverse(said, p.b[looked]))
-    chart = Chart(stretch.t0)
+    chart = frame.chart(stretch.t0)
     spread = Spread(x[looked], said - y[looked], variance[looked])
-    nodes, _ = chart.nodes(SPREAD_NODES)
-    values = spread(stretch(nodes)).reshape(*SPREAD_NODES, -1)
-    table = TabulatedBrdf.of(p.base, p.ratio, chart, lambda a: patches(stretch(a)))
+    nodes, _ = chart.nodes(chart.spread)
+    known = Lookup(spread(stretch(nodes)).reshape(*chart.spread, -1), chart.periodic, (1,) * len(chart.periodic))
+
+    def mean_log_ratio(a: PairAngles) -> Array:
+        """Splines in the logarithm foretell the median; the mean of a lognormal lies sd^2 / 2 above it."""
+        return patches(stretch(a)) + np.minimum(known(chart(a)), 1) ** 2 / 2
+
+    table = TabulatedBrdf.of(frame, p.base, p.ratio, stretch.t0, mean_log_ratio)
     notes = {
         "samples": len(s),
         "outliers": int(wrong.sum()),
@@ -122,25 +130,25 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Aut
         "azimuth": stretch.azimuth,
         "elevation": stretch.elevation,
     }
-    return AutoBrdf(table, Lookup(values, chart.periodic, (1,) * len(chart.periodic)), error, notes)
+    return AutoBrdf(table, known, error, notes)
 
 
-def chosen_stretch(p: Problem, rng: np.random.Generator) -> tuple[Stretch, float]:
+def chosen_stretch(p: Problem, rng: np.random.Generator) -> tuple[Coordinates, float]:
     """The coordinates that foretell held-out samples best, and their energy error."""
     test = rng.permutation(len(p.g))[:TESTED]
-    first = Stretch(peak_width(p))
+    first = p.frame.stretch(peak_width(p))
     error = EnergyError(p.angles, p.g, p.sigma, first, test)
-    tried: dict[Stretch, float] = {}
+    tried: dict[Coordinates, float] = {}
 
-    def best(candidates: list[Stretch]) -> Stretch:
+    def best(candidates: list[Coordinates]) -> Coordinates:
         for c in candidates:
             if c not in tried:
                 tried[c] = error(p.ratio.inverse(left_out(c(p.angles), p.y, p.variance, test), p.b[test]))
         return min(tried, key=lambda c: tried[c])
 
-    b = best([Stretch(t0) for t0 in first.t0 * np.geomspace(1 / 8, 8, 7)])
-    b = best([Stretch(b.t0, azimuth, b.elevation) for azimuth in (0.5, 1.0)])
-    b = best([Stretch(b.t0, b.azimuth, elevation) for elevation in (0.35, 0.8)])
+    b = best([p.frame.stretch(t0) for t0 in first.t0 * np.geomspace(1 / 8, 8, 7)])
+    b = best([p.frame.stretch(b.t0, azimuth, b.elevation) for azimuth in (0.5, 1.0)])
+    b = best([p.frame.stretch(b.t0, b.azimuth, elevation) for elevation in (0.35, 0.8)])
     return b, tried[b]
 
 
@@ -150,10 +158,10 @@ def peak_width(p: Problem) -> float:
     return float(np.clip(np.median(p.angles.theta_h[bright]), 0.004, 1.0))
 
 
-def with_bounds(p: Problem, stretch: Stretch, bounds: Samples) -> tuple[Array, Array, Array]:
+def with_bounds(p: Problem, stretch: Coordinates, bounds: Samples) -> tuple[Array, Array, Array]:
     """x, y, variance with those saturated readings that the splines would fall short of put in at their bound."""
     x = stretch(p.angles)
-    a = Angles.of(bounds.wi, bounds.wo)
+    a = p.frame.angles(bounds.wi, bounds.wo)
     least = p.ratio.forward(bounds.f * a.cos_o[:, None], p.base(a))
     said = Patches(x, p.y, p.variance)(stretch(a))
     short = (said < least).any(1)

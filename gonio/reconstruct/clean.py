@@ -25,7 +25,7 @@ def clean(samples: Samples) -> Samples:
     values = ~s.saturated
     if values.sum() < FEWEST:
         raise ReconstructionError(
-            f"{values.sum()} usable samples of {len(samples)}; at least {FEWEST} different ones are needed: measure more"
+            f"{values.sum()} usable samples of {len(samples)}; {FEWEST} different ones are the least: measure more"
         )
     if not (s.f[values] > 0).any():
         raise ReconstructionError("every reading is zero or below; check the light, the shutter and the dark readings")

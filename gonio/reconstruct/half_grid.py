@@ -1,8 +1,9 @@
 """Directions drawn in proportion to f cos(theta_o): marginal-conditional tables over half vectors, one per incidence.
 
-Half vectors of an incidence: theta_h = t0 sinh(u L), L = asinh(pi/2 / t0), and phi_h - phi_i = 2 pi v; the density is
-constant in each cell of the (u, v) square. Between two incidences it is their mixture, weights linear in theta_i, and
-mixed with a share of cosine-weighted directions, so that it is above 0 wherever f is. `pdf` is exact: the very mixture.
+Half vectors of an incidence: theta_h = t0 sinh(u L), L = asinh(pi/2 / t0), and phi_h = 2 pi v from the azimuth of wi
+(isotropic) or from the sample's x axis (anisotropic); the density is constant in each cell of the (u, v) square.
+Between incidences it is their mixture, weights linear in theta_i and phi_i, and all of it is mixed with a share of
+cosine-weighted directions, so that it is above 0 wherever f is. `pdf` is exact: the very mixture.
 """
 
 import numpy as np
@@ -16,60 +17,67 @@ CELLS = (64, 48)
 
 
 class HalfGrid:
-    """mass (I, U, V) of the cells, each incidence summing to 1; t0 in radians."""
+    """mass (I, A, U, V) of the cells for I incidences and A azimuths of wi (1: isotropic); t0 in radians."""
 
     def __init__(self, mass: Array, t0: float):
         self.mass, self.t0 = mass, t0
-        count, self._u, self._v = mass.shape
+        _, self.azimuths, self._u, self._v = mass.shape
         self._length = np.arcsinh(np.pi / 2 / t0)
-        flat = mass.reshape(count, -1)
+        flat = mass.reshape(-1, self._u * self._v)
         flat = flat / flat.sum(1, keepdims=True)
-        self._density = flat.reshape(mass.shape) * self._u * self._v
-        # one sorted list for all incidences: row i lives in [i, i + 1]
-        cumulative = np.cumsum(flat, 1)
-        cumulative /= cumulative[:, -1:]
-        self._cumulative = cumulative
-        self._sorted = (cumulative + np.arange(count)[:, None]).ravel()
+        self._density = flat.reshape(-1, self._u, self._v) * self._u * self._v
+        # one sorted list for all rows: row i lives in [i, i + 1]
+        self._cumulative = np.cumsum(flat, 1)
+        self._cumulative /= self._cumulative[:, -1:]
+        self._sorted = (self._cumulative + np.arange(len(flat))[:, None]).ravel()
 
     @classmethod
-    def of(cls, evaluate, t0: float) -> "HalfGrid":
+    def of(cls, evaluate, t0: float, azimuths: int = 1) -> "HalfGrid":
         """The tables of f cos(theta_o) for `evaluate(wi, wo) -> (N, C)`, channels weighed alike."""
-        grid = cls(np.ones((len(INCIDENCES), *CELLS)), t0)
+        grid = cls(np.ones((len(INCIDENCES), azimuths, *CELLS)), t0)
         # four points to a cell: a peak's flank is not missed
         u = (np.arange(2 * CELLS[0]) + 0.5) / (2 * CELLS[0])
         v = (np.arange(2 * CELLS[1]) + 0.5) / (2 * CELLS[1])
         u, v = (q.ravel() for q in np.meshgrid(u, v, indexing="ij"))
-        mass = []
-        for theta_i in INCIDENCES:
-            wi = np.broadcast_to(from_angles(theta_i, 0.0), (len(u), 3))
-            h = grid._half_vectors(u, v, np.zeros(len(u)))
-            wo = reflect(wi, h)
-            up = (wo[:, 2] > 0) & (np.einsum("ni,ni->n", wi, h) > 0)
-            value = np.zeros(len(u))
-            f = evaluate(wi[up], wo[up])
-            f = (f / np.maximum(f.mean(0), 1e-300)).mean(1)
-            dot = np.einsum("ni,ni->n", wi[up], h[up])
-            value[up] = f * wo[up, 2] * 4 * dot * grid._jacobian(u[up])
-            value = value.reshape(CELLS[0], 2, CELLS[1], 2).mean((1, 3))
-            # a cell next to a full one may hold what its four points missed
-            mass.append(value + 1e-3 * value.mean() * (value > 0) if value.sum() > 0 else np.ones(CELLS))
-        return cls(np.stack(mass), t0)
+        h = grid._half_vectors(u, v, np.zeros(len(u)))
+        jacobian = grid._jacobian(u)
+        mass = np.ones_like(grid.mass)
+        for i, theta_i in enumerate(INCIDENCES):
+            for j in range(azimuths):
+                wi = np.broadcast_to(from_angles(theta_i, 2 * np.pi * j / azimuths), (len(u), 3))
+                wo = reflect(wi, h)
+                dot = np.einsum("ni,ni->n", wi, h)
+                up = (wo[:, 2] > 0) & (dot > 0)
+                f = evaluate(wi[up], wo[up])
+                value = np.zeros(len(u))
+                value[up] = (f / np.maximum(f.mean(0), 1e-300)).mean(1) * wo[up, 2] * 4 * dot[up] * jacobian[up]
+                value = value.reshape(CELLS[0], 2, CELLS[1], 2).mean((1, 3))
+                if value.sum() > 0:
+                    # a cell beside the horizon may hold what its four points missed
+                    mass[i, j] = value + 1e-3 * value.mean() * (value > 0)
+        return cls(mass, t0)
 
     def sample(self, wi: Array, u: Array) -> tuple[Array, Array]:
         wi, u = np.atleast_2d(wi), np.atleast_2d(u)
-        theta_i, phi_i = to_angles(wi)
-        low, part = self._slices(theta_i)
+        _, phi_i = to_angles(wi)
         cosine = u[:, 0] < COSINE
         x = np.where(cosine, u[:, 0] / COSINE, (u[:, 0] - COSINE) / (1 - COSINE))
-        upper = u[:, 1] < part
-        y = np.where(upper, u[:, 1] / np.where(part > 0, part, 1), (u[:, 1] - part) / np.where(part < 1, 1 - part, 1))
-        row = low + upper
-        cell = np.searchsorted(self._sorted, row + x, "right") - row * self._u * self._v
-        cell = np.clip(cell, 0, self._u * self._v - 1)
+        # which of the incidences around wi: by the second number, which is stretched again to be used again
+        y, row = u[:, 1].copy(), np.full(len(wi), -1)
+        left = np.zeros(len(wi))
+        for candidate, weight in self._rows(wi):
+            mine = (row < 0) & (u[:, 1] < left + weight)
+            row[mine] = candidate[mine]
+            y[mine] = np.clip((u[mine, 1] - left[mine]) / weight[mine], 0, 1 - 1e-12)
+            left = left + weight
+        row = np.where(row < 0, candidate, row)
+        cells = self._u * self._v
+        cell = np.clip(np.searchsorted(self._sorted, row + x, "right") - row * cells, 0, cells - 1)
         before = np.where(cell > 0, self._cumulative[row, cell - 1], 0)
         inside = np.clip((x - before) / np.maximum(self._cumulative[row, cell] - before, 1e-300), 0, 1 - 1e-12)
         i, j = np.divmod(cell, self._v)
-        h = self._half_vectors((i + inside) / self._u, (j + y) / self._v, phi_i)
+        origin = phi_i if self.azimuths == 1 else 0 * phi_i
+        h = self._half_vectors((i + inside) / self._u, (j + y) / self._v, origin)
         wo = np.where(cosine[:, None], cosine_hemisphere(np.stack([x, u[:, 1]], -1)), reflect(wi, h))
         return wo, self.pdf(wi, wo)
 
@@ -80,24 +88,32 @@ class HalfGrid:
         wi, wo = wi[up], wo[up]
         h = half_vector(wi, wo)
         theta_h, phi_h = to_angles(h)
-        theta_i, phi_i = to_angles(wi)
         u = np.arcsinh(theta_h / self.t0) / self._length
-        v = np.mod((phi_h - phi_i) / (2 * np.pi), 1)
+        origin = to_angles(wi)[1] if self.azimuths == 1 else 0
+        v = np.mod((phi_h - origin) / (2 * np.pi), 1)
         i = np.clip((u * self._u).astype(int), 0, self._u - 1)
         j = np.clip((v * self._v).astype(int), 0, self._v - 1)
-        low, part = self._slices(theta_i)
-        cells = (1 - part) * self._density[low, i, j] + part * self._density[low + 1, i, j]
+        cells = sum(weight * self._density[row, i, j] for row, weight in self._rows(wi))
         jacobian = np.maximum(self._jacobian(u) * 4 * np.einsum("ni,ni->n", wi, h), 1e-300)
         out[up] = COSINE * wo[:, 2] / np.pi + (1 - COSINE) * cells / jacobian
         return out
 
-    def _slices(self, theta_i: Array):
+    def _rows(self, wi: Array) -> list[tuple[Array, Array]]:
+        """The tables that each wi draws from and their weights: two, or four with azimuths."""
+        theta_i, phi_i = to_angles(wi)
         low = np.clip(np.searchsorted(INCIDENCES, theta_i, "right") - 1, 0, len(INCIDENCES) - 2)
-        part = (theta_i - INCIDENCES[low]) / (INCIDENCES[low + 1] - INCIDENCES[low])
-        return low, np.clip(part, 0, 1)
+        part = np.clip((theta_i - INCIDENCES[low]) / (INCIDENCES[low + 1] - INCIDENCES[low]), 0, 1)
+        slices = [(low, 1 - part), (low + 1, part)]
+        if self.azimuths == 1:
+            return slices
+        turn = np.mod(phi_i / (2 * np.pi), 1) * self.azimuths
+        first = np.minimum(turn.astype(int), self.azimuths - 1)
+        rest = turn - first
+        around = [(first, 1 - rest), ((first + 1) % self.azimuths, rest)]
+        return [(k * self.azimuths + a, p * q) for k, p in slices for a, q in around]
 
-    def _half_vectors(self, u: Array, v: Array, phi_i: Array) -> Array:
-        return from_angles(self.t0 * np.sinh(u * self._length), phi_i + 2 * np.pi * v)
+    def _half_vectors(self, u: Array, v: Array, phi: Array) -> Array:
+        return from_angles(self.t0 * np.sinh(u * self._length), phi + 2 * np.pi * v)
 
     def _jacobian(self, u: Array) -> Array:
         """Solid angle of h per area of the (u, v) square."""

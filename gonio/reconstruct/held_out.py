@@ -10,8 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from gonio.geometry import Array
-from gonio.reconstruct.robust_base import Angles
-from gonio.reconstruct.stretch import Stretch
+from gonio.reconstruct.frame import Coordinates, PairAngles
 
 INCIDENCES = np.radians(np.array([0, 10, 20, 30, 40, 50, 60, 70, 78, 90]))
 
@@ -19,7 +18,7 @@ INCIDENCES = np.radians(np.array([0, 10, 20, 30, 40, 50, 60, 70, 78, 90]))
 class EnergyError:
     """The energy error of foretold values at the samples `test` (indices), each left out of its own foretelling."""
 
-    def __init__(self, a: Angles, g: Array, sigma: Array, stretch: Stretch, test):
+    def __init__(self, a: PairAngles, g: Array, sigma: Array, stretch: Coordinates, test):
         v = solid_angles(stretch, a)[test]
         self._g, self._weight = g[test], energy_weights(a.at(test), g[test], v)
         # what the readings' own noise adds to |said - g|, the mean of a normal variable's magnitude
@@ -31,15 +30,15 @@ class EnergyError:
         return float(np.sqrt(max(error**2 - self._noise**2, (0.2 * error) ** 2)))
 
 
-def solid_angles(stretch: Stretch, a: Angles) -> Array:
+def solid_angles(stretch: Coordinates, a: PairAngles) -> Array:
     """V of each sample, (N,), up to a factor."""
-    x = stretch(a)[:, :4]
+    x = stretch(a)[:, :-1]
     distance, _ = cKDTree(x).query(x, min(9, len(x)))
-    v = distance[:, -1] ** 3 * stretch.measure(a)
+    v = distance[:, -1] ** stretch.dimensions * stretch.measure(a)
     return np.minimum(v, 20 * np.mean(v))
 
 
-def energy_weights(a: Angles, g: Array, v: Array) -> Array:
+def energy_weights(a: PairAngles, g: Array, v: Array) -> Array:
     """w (N, C) such that sum_n w |error of g_n| over n and channels is the mean energy error."""
     theta_i = np.arctan2(np.sqrt(np.maximum(0, 1 - a.cos_i**2)), a.cos_i)
     bin_ = np.clip(np.searchsorted(INCIDENCES, theta_i) - 1, 0, len(INCIDENCES) - 2)

@@ -4,7 +4,7 @@
 
 with D_k = GGX of fixed roughness alpha_k, s = (1 - cos theta_d)^5 (Schlick 1994), m = 2 cos_o / (cos_i + cos_o), which
 fades towards the horizon of wo; measured tables want both, those that fade and those that do not. Linear in the
-weights, so non-negative least squares finds the optimum; the log loss by reweighting, starting nowhere near a local minimum.
+weights, so non-negative least squares finds the optimum without a start to choose; the log loss by reweighting.
 """
 
 from dataclasses import dataclass, fields
@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from gonio.geometry import Array
+from gonio.reconstruct.frame import PairAngles
 
 ALPHA = np.geomspace(0.002, 0.8, 12)
 MOST = 3000
@@ -60,7 +61,7 @@ class RobustBase:
         parts = [lobes(theta_h) @ self.weights[4 + i * k : 4 + (i + 1) * k] for i in range(4)]
         self._radial = np.concatenate(parts, 1)
 
-    def __call__(self, a: Angles) -> Array:
+    def __call__(self, a: PairAngles) -> Array:
         """(N, C)."""
         x = np.arcsinh(a.theta_h / ALPHA[0]) / _STEP
         low = np.minimum(x.astype(int), STEPS - 1)
@@ -77,7 +78,7 @@ class RobustBase:
         return plain / (4 * cos_d[:, None]) + a.cos_o[:, None] * (w[0] + schlick * w[1]) + w[2] + schlick * w[3]
 
     @classmethod
-    def fit(cls, a: Angles, g: Array, floor: Array, rng: np.random.Generator) -> "RobustBase":
+    def fit(cls, a: PairAngles, g: Array, floor: Array, rng: np.random.Generator) -> "RobustBase":
         """floor (C,): what is added inside the logarithm, about the smallest g that matters."""
         from scipy.optimize import nnls
 
@@ -99,7 +100,7 @@ class RobustBase:
         return cls(np.stack(weights, 1))
 
 
-def dictionary(a: Angles) -> Array:
+def dictionary(a: PairAngles) -> Array:
     """The columns of the module's docstring, (N, 4 + 4 K)."""
     cos_d = np.maximum(np.cos(a.theta_d), 0.02)
     schlick = (1 - cos_d) ** 5
@@ -110,8 +111,8 @@ def dictionary(a: Angles) -> Array:
     return np.concatenate([np.stack([a.cos_o, schlick * a.cos_o, one, schlick], 1), d, d * s, d * m, d * m * s], 1)
 
 
-def supported(a: Angles) -> Array:
-    """1 for the columns that samples can tell apart from nothing, 0 for peaks narrower than any sample has seen, (K,)."""
+def supported(a: PairAngles) -> Array:
+    """1 for the columns that samples can tell from nothing, 0 for peaks narrower than any sample saw, (4 + 4 K,)."""
     inside = a.theta_h[:, None] < ALPHA
     grazing = inside & (np.cos(a.theta_d) < 0.4)[:, None]
     plain, schlick = ((n.sum(0) >= SUPPORT).astype(float) for n in (inside, grazing))

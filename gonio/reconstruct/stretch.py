@@ -5,7 +5,7 @@
 
 t0 is about the width of the peak. phi_d keeps its say at theta_h = 0, since the peaks of real samples do not sit there.
 The fourth coordinate spends length towards grazing, where Fresnel and masking change fast; the fifth tells a pair from
-its mirror in reciprocity and a wo near the horizon from one that is not (docs/reconstruction.md has what each is worth).
+its mirror in reciprocity and a wo near the horizon from one that is not. docs/reconstruction.md: what each is worth.
 """
 
 from dataclasses import dataclass
@@ -26,6 +26,7 @@ class Stretch:
     t0: float
     azimuth: float = 0.7
     elevation: float = 0.55
+    dimensions = 3
 
     def __call__(self, a: Angles) -> Array:
         """(N, 5)."""
@@ -42,7 +43,7 @@ class Stretch:
         )
 
     def measure(self, a: Angles) -> Array:
-        """|dwi dwo| per volume of the first four coordinates, (N,): counts per volume become counts per solid angles."""
+        """|dwi dwo| per volume of the first four coordinates, (N,): a volume becomes solid angles."""
         s, c = np.sin(a.theta_d), np.cos(a.theta_d)
         sheet = self.azimuth * np.hypot(self.azimuth * c, self.elevation * (1 + GRAZING * s / (c + GRAZING_AT)))
         return 4 * c * np.sin(a.theta_h) * np.hypot(self.t0, a.theta_h) / sheet

@@ -1,52 +1,20 @@
 """A BRDF as a table of log ratios to a robust base: quick to look up, small to store.
 
-Isotropic: over (theta_h, theta_d, |phi_d|), the first stretched by the peak, the second towards grazing.
+Isotropic: over (theta_h, theta_d, |phi_d|); anisotropic: over (theta_h, phi_h, theta_d, azimuth of wi - wo).
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 
 from gonio.geometry import Array
+from gonio.reconstruct.frame import Frame
+from gonio.reconstruct.grain import Grain
 from gonio.reconstruct.half_grid import HalfGrid
-from gonio.reconstruct.lookup import Lookup, nodes
+from gonio.reconstruct.isotropic import Isotropic
+from gonio.reconstruct.lookup import Lookup
 from gonio.reconstruct.residual import LogRatio
-from gonio.reconstruct.robust_base import Angles, RobustBase
+from gonio.reconstruct.robust_base import RobustBase
 
-NODES, REFINE = (96, 64, 40), (3, 2, 2)
-GRAZING, GRAZING_AT = 0.3, 0.08
-_THETA_D = np.linspace(0, np.pi / 2, 4001)
-_AXIS = _THETA_D - GRAZING * np.log(np.cos(_THETA_D) + GRAZING_AT)
-_AXIS = (_AXIS - _AXIS[0]) / (_AXIS[-1] - _AXIS[0])
-
-
-@dataclass(frozen=True)
-class Chart:
-    """Angles <-> [0, 1]^3; t0 in radians."""
-
-    t0: float
-    periodic = (False, False, False)
-
-    def __call__(self, a: Angles) -> Array:
-        return np.stack(
-            [
-                np.arcsinh(a.theta_h / self.t0) / np.arcsinh(np.pi / 2 / self.t0),
-                np.interp(a.theta_d, _THETA_D, _AXIS),
-                a.phi_d / np.pi,
-            ],
-            1,
-        )
-
-    def nodes(self, n: tuple[int, ...]) -> tuple[Angles, Array]:
-        """Angles of all nodes, row by row, and how far above the horizon the lower direction lies (its cosine)."""
-        u, v, w = (q.ravel() for q in np.meshgrid(*(nodes(k, False) for k in n), indexing="ij"))
-        theta_h = self.t0 * np.sinh(u * np.arcsinh(np.pi / 2 / self.t0))
-        theta_d, phi_d = np.interp(v, _AXIS, _THETA_D), np.pi * w
-        upright = np.cos(theta_h) * np.cos(theta_d)
-        across = np.sin(theta_h) * np.sin(theta_d) * np.cos(phi_d)
-        cos_i, cos_o = upright - across, upright + across
-        a = Angles(theta_h, theta_d, phi_d, np.maximum(cos_i, 1e-6), np.maximum(cos_o, 1e-6))
-        return a, np.minimum(cos_i, cos_o)
+CHUNK = 1 << 15  # what the processor's cache holds
 
 
 class TabulatedBrdf:
@@ -54,19 +22,21 @@ class TabulatedBrdf:
 
     kind = "tabulated"
 
-    def __init__(self, base: RobustBase, ratio: LogRatio, chart: Chart, values: Array):
-        self.base, self.ratio, self.chart = base, ratio, chart
-        self.table = Lookup(values, chart.periodic, REFINE)
+    def __init__(self, frame: Frame, base: RobustBase, ratio: LogRatio, t0: float, values: Array):
+        self.frame, self.base, self.ratio, self.t0 = frame, base, ratio, t0
+        self.chart = frame.chart(t0)
+        self.table = Lookup(values, self.chart.periodic, self.chart.refine)
         self._sampler: HalfGrid | None = None
 
     @classmethod
-    def of(cls, base: RobustBase, ratio: LogRatio, chart: Chart, log_ratio) -> "TabulatedBrdf":
-        """log_ratio(Angles) -> (N, C). Asked only where some cell of the table reaches above the horizon."""
-        a, above = chart.nodes(NODES)
+    def of(cls, frame: Frame, base: RobustBase, ratio: LogRatio, t0: float, log_ratio) -> "TabulatedBrdf":
+        """log_ratio(angles) -> (N, C). Asked only where some cell of the table reaches above the horizon."""
+        chart = frame.chart(t0)
+        a, above = chart.nodes(chart.coarse)
         need = above > -0.15
         values = np.zeros((len(above), base.weights.shape[1]))
         values[need] = log_ratio(a.at(need))
-        return cls(base, ratio, chart, values.reshape(*NODES, -1))
+        return cls(frame, base, ratio, t0, values.reshape(*chart.coarse, -1))
 
     @property
     def channels(self) -> int:
@@ -74,20 +44,17 @@ class TabulatedBrdf:
 
     def eval(self, wi: Array, wo: Array) -> Array:
         wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
-        up = (wi[:, 2] > 0) & (wo[:, 2] > 0)
-        if up.all() and len(up):
-            return self._eval_above(wi, wo)
         out = np.zeros((len(wi), self.channels))
-        if up.any():
-            out[up] = self._eval_above(wi[up], wo[up])
+        for start in range(0, len(wi), CHUNK):
+            part = slice(start, start + CHUNK)
+            up = (wi[part, 2] > 0) & (wo[part, 2] > 0)
+            if up.any():
+                out[part][up] = self._eval_above(wi[part][up], wo[part][up])
         return out
 
     def _eval_above(self, wi: Array, wo: Array) -> Array:
-        a = self.angles(wi, wo)
+        a = self.frame.angles(wi, wo)
         return self.ratio.inverse(self.table(self.chart(a)), self.base(a)) / a.cos_o[:, None]
-
-    def angles(self, wi: Array, wo: Array) -> Angles:
-        return Angles.of(wi, wo)
 
     def sample(self, wi: Array, u: Array) -> tuple[Array, Array]:
         return self.sampler.sample(wi, u)
@@ -99,17 +66,14 @@ class TabulatedBrdf:
     def sampler(self) -> HalfGrid:
         """Made when first asked for: a reconstruction that is only looked at does not pay for it."""
         if self._sampler is None:
-            self._sampler = HalfGrid.of(self.eval, self.chart.t0)
+            self._sampler = HalfGrid.of(self.eval, self.t0, azimuths=8 if isinstance(self.frame, Grain) else 1)
         return self._sampler
 
     def to_arrays(self) -> dict[str, Array]:
-        return {
-            "weights": self.base.weights,
-            "floor": self.ratio.floor,
-            "t0": np.array(self.chart.t0),
-            "values": self.table.values,
-        }
+        own = {"weights": self.base.weights, "floor": self.ratio.floor, "t0": np.array(self.t0)}
+        return own | {"values": self.table.values} | self.frame.to_arrays()
 
     @classmethod
     def from_arrays(cls, d: dict[str, Array]) -> "TabulatedBrdf":
-        return cls(RobustBase(d["weights"]), LogRatio(d["floor"]), Chart(float(d["t0"])), d["values"])
+        frame: Frame = Grain(*(float(v) for v in d["grain"])) if "grain" in d else Isotropic()
+        return cls(frame, RobustBase(d["weights"]), LogRatio(d["floor"]), float(d["t0"]), d["values"])
