@@ -16,6 +16,7 @@ from gonio.brdf.tensor_file import read_tensor_file
 from gonio.brdf.warp import Corners, Interpolant, ParameterGrid, Warp
 from gonio.geometry import Array, half_vector, reflect, to_angles
 
+POLE = 1e-4  # the density is evaluated no nearer to x = 0, where it is 0/0
 CHUNK = 8192  # pairs at a time: the working set stays in the processor's cache
 
 
@@ -88,6 +89,7 @@ class RglBrdf:
             a, b = self._canonical(wi[k], wo[k])
             corners, phi = self._incidence(a)
             x, y, h = self._half(a, b, phi)
+            x = np.maximum(x, POLE)
             s, t, p = self.vndf.invert(x, y, corners)
             out[k] = p * self.luminance.eval(s, t, corners) / _half_jacobian(x, a, h)
         return out

@@ -17,9 +17,10 @@ from gonio.export.profile import half_profile, half_width, projected_area
 from gonio.export.spectrum import WAVELENGTHS, upsample
 from gonio.geometry import Array, from_angles, reflect
 
-TABLE = 512  # nodes of theta_m in the ndf, sigma and vndf tables
+TABLE = 512  # nodes of theta_m in the ndf and vndf tables, half as many in anisotropic ones
 AZIMUTHS = 65  # nodes of phi_m in them, odd so that the mirror image of a node is one
 GRAZING = 1.5  # incidences at 90 degrees (1 - (1 - t)^GRAZING): closer together towards grazing
+EDGE, EDGE_SHARE = np.radians(0.3), 0.3
 POLE = 1e-3  # nodes at the pole step aside by this, to keep their azimuth: a measured table need not agree there
 LAST = np.radians(89.0)
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -63,8 +64,8 @@ def fields(
     phi_i = np.linspace(-np.pi, np.pi, 25) if anisotropic else np.zeros(1)
     n = resolution or (32 if anisotropic else 64)
 
-    ndf = half_profile(brdf, TABLE, AZIMUTHS if anisotropic else 2)
-    sigma = projected_area(ndf, TABLE, AZIMUTHS if anisotropic else 2)
+    ndf = half_profile(brdf, TABLE // 2 if anisotropic else TABLE, AZIMUTHS if anisotropic else 2)
+    sigma = projected_area(ndf, 64, 33 if anisotropic else 2)
     wi = from_angles(np.tile(theta_i, len(phi_i)), np.repeat(phi_i, len(theta_i)))
     vndf = _warp_density(ndf, wi, turn=not anisotropic)
     colour, luminance = _values(brdf, wi, vndf, ndf, sigma, n, mirror=not anisotropic)
@@ -97,25 +98,28 @@ def _square(rows: int, columns: int) -> tuple[Array, Array]:
 
 
 def _warp_density(d: Array, wi: Array, turn: bool) -> Array:
-    """(S, AZIMUTHS, TABLE), mean 1: where the nodes go. Azimuths are counted from wi's if `turn`.
+    """(S, AZIMUTHS, columns), mean 1: where the nodes go. Azimuths are counted from wi's if `turn`.
 
-    Half of it follows D, half is even in log(t0 + theta_m), t0 the width of D: so many nodes per octave from the peak
-    to the horizon. Half vectors that send wo below the horizon get none, so that the square's edge is the horizon.
+    One part follows D, one is even in log(t0 + theta_m), t0 the width of D: so many nodes per octave from the peak to
+    the horizon; one is even in the logarithm of the distance from the horizon, where f cos(theta_o) ends with a kink.
+    Half vectors that send wo below the horizon get none, so that the square's edge is the horizon.
     """
-    theta, phi = _square(AZIMUTHS, TABLE)
+    columns = d.shape[1]
+    theta, phi = _square(AZIMUTHS, columns)
     u = np.sqrt(theta * 2 / np.pi)
-    profile = d.mean(0)[np.tile(np.arange(TABLE), AZIMUTHS)] if len(d) != AZIMUTHS else d.ravel()
+    profile = d.mean(0)[np.tile(np.arange(columns), AZIMUTHS)] if len(d) != AZIMUTHS else d.ravel()
     energy = profile * np.cos(theta) * np.sin(theta) * u
     octaves = u / (half_width(d) + theta)
     density = energy / energy.mean() + octaves / octaves.mean()
     out = []
     for w in wi:
         m = from_angles(theta, phi + (np.arctan2(w[1], w[0]) if turn else 0))
-        up = (reflect(np.broadcast_to(w, m.shape), m)[:, 2] > 0).reshape(AZIMUTHS, TABLE)
-        up[:, :-1] |= up[:, 1:]  # one node beyond: the density falls to 0 within a cell
-        up[:, 1:] |= up[:, :-1].copy()
-        up |= np.roll(up, 1, 0) | np.roll(up, -1, 0)
-        out.append(np.where(up, density.reshape(AZIMUTHS, TABLE), 0))
+        up = (reflect(np.broadcast_to(w, m.shape), m)[:, 2] > 0).reshape(AZIMUTHS, columns)
+        up[:, 1:] |= up[:, :-1].copy()  # one node beyond: the density falls to 0 within a cell
+        rows = np.where(up, density.reshape(AZIMUTHS, columns), 0)
+        to_horizon = np.max(np.where(up, theta.reshape(AZIMUTHS, columns), 0), axis=1)[:, None] - theta[:columns]
+        edge = np.where(up, u[:columns] / (EDGE + np.maximum(to_horizon, 0)), 0)
+        out.append(rows + EDGE_SHARE * edge * (rows.sum(1) / edge.sum(1))[:, None])
     table = np.array(out)
     return table / table.mean((1, 2), keepdims=True)
 

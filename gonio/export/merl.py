@@ -10,7 +10,7 @@ from gonio.export import ExportError, checked
 from gonio.geometry import Array, above_horizon, from_half_diff
 
 POINTS = 2  # per bin, along theta_h where the peak is; each with the light and the detector exchanged too
-SLAB = 10  # theta_h bins at a time, to bound the memory
+SLAB = 5  # theta_h bins at a time, to bound the memory
 
 
 def write_merl(brdf: Brdf, path: str | os.PathLike) -> None:

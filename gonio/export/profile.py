@@ -49,23 +49,18 @@ def half_width(d: Array) -> float:
 
 def projected_area(d: Array, columns: int, rows: int) -> Array:
     """sigma(wi) (rows, columns) = integral of D(m) max(0, wi.m), columns even in sqrt(theta_i)."""
-    azimuths = 64
-    u = (np.arange(4 * columns) + 0.5) / (4 * columns)
-    theta = np.pi / 2 * u * u
-    weight = np.sin(theta) * np.pi * u / len(u) * 2 * np.pi / azimuths
-    phi = -np.pi + 2 * np.pi * (np.arange(azimuths) + 0.5) / azimuths
-    at = np.linspace(0, 1, d.shape[1])
-    fine = np.array([np.interp(u, at, row) for row in d])
+    n, azimuths = d.shape[1], 48
+    u = (np.arange(n) + 0.5) / n
+    theta, phi = np.pi / 2 * u * u, -np.pi + 2 * np.pi * (np.arange(azimuths) + 0.5) / azimuths
+    fine = np.array([np.interp(u, np.linspace(0, 1, n), row) for row in d])
     turn = np.linspace(-np.pi, np.pi, len(d))
-    value = np.array([np.interp(phi, turn, column) for column in fine.T]).T  # (azimuths, U)
-    m = from_angles(np.tile(theta, azimuths), np.repeat(phi, len(u)))
-    mass = (value * weight).ravel()
+    value = np.array([np.interp(phi, turn, column) for column in fine.T]).T  # (azimuths, n)
+    mass = (value * np.sin(theta) * np.pi * u / n * 2 * np.pi / azimuths).ravel()
+    m = from_angles(np.tile(theta, azimuths), np.repeat(phi, n))
     theta_i = np.pi / 2 * np.linspace(0, 1, columns) ** 2
-    phi_i = np.linspace(-np.pi, np.pi, rows)
-    if rows == 2:
-        w = from_angles(theta_i, 0.0)
-        return np.repeat(np.array([mass @ np.maximum(m @ v, 0) for v in w])[None], 2, axis=0)
-    return np.array([[mass @ np.maximum(m @ from_angles(t, p), 0) for t in theta_i] for p in phi_i])
+    phi_i = np.zeros(1) if rows == 2 else np.linspace(-np.pi, np.pi, rows)
+    sigma = np.array([mass @ np.maximum(m @ from_angles(theta_i, p).T, 0) for p in phi_i])
+    return np.repeat(sigma, 2, axis=0) if rows == 2 else sigma
 
 
 def _smooth(d: Array) -> Array:

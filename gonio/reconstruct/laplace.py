@@ -15,7 +15,7 @@ def fill_holes(grid: Array) -> Array:
     """
     rows, columns = grid.shape[0] - 1, grid.shape[1]
     inner = grid[:-1].reshape(rows * columns, -1).copy()
-    hole = np.isnan(inner).any(1)
+    hole = np.asarray(np.isnan(inner).any(1))
     if hole.all() or not hole.any():
         return grid
     number = np.full(rows * columns, -1)
