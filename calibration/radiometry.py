@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from calibration.stamp import stamp
-from gonio.geometry import Array
+from gonio.geometry import Array, from_angles
 from gonio.rig.calibration import RadiometryCalibration
 from gonio.rig.devices import Detector, Light, Reading
 from gonio.rig.errors import CalibrationMissing
+from gonio.rig.staged import StagedRig
 
 REPEATS = 16
 
@@ -79,3 +80,22 @@ def take_readings(detector: Detector, light: Light, exposure: float) -> tuple[li
     finally:
         light.off()
     return dark, white
+
+
+def measure_reference(
+    rig: StagedRig, theta_i_deg: float, theta_o_deg: float, reference_f: Array
+) -> RadiometryCalibration:
+    """Drive a rig with the reference on it to the geometry of its certificate (light and detector opposite each other,
+    phi = 180 degrees), take the readings and reduce them. Raises CalibrationMissing, SafetyStop, DeviceFault.
+    """
+    wi, wo = from_angles(np.radians([theta_i_deg]), 0.0), from_angles(np.radians([theta_o_deg]), np.pi)
+    if not rig.reachable(wi, wo)[0]:
+        raise CalibrationMissing(
+            f"radiometry: {theta_i_deg:g}/{theta_o_deg:g} degrees is out of rig {rig.config.name}'s reach"
+        )
+    wi_0, wo_0 = rig.drive(wi, wo)  # as achieved
+    rig.announce(-(1 << 41))
+    dark, white = take_readings(rig.detector, rig.light, rig.config.exposure_s)
+    return calibrate_radiometry(
+        dark, white, reference_f, rig.radiometry.cosine(wi_0, wo_0), rig.config.name, rig.simulated
+    )

@@ -182,7 +182,9 @@ class RigConfig(Section):
     settle_s: float = Field(0.10, ge=0, le=60)
     exposure_s: float = Field(0.020, gt=0, le=600)
     stay_out_deg: float = Field(8.0, ge=0, le=45, description="around retro-reflection, where one arm shades the other")
-    use_achieved: bool = Field(True, description="the chain judges the directions reached, not those asked for")
+    use_achieved: bool = Field(
+        True, description="a reading counts where a servo stopped short; else the chain sees NaN"
+    )
     clock_scale: float = Field(1.0, ge=1, le=1e6, description="wire emulators only: how much faster than life they run")
     acceptance: Acceptance = Acceptance()
     photodiode: PhotodiodeConfig = PhotodiodeConfig()

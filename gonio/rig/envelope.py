@@ -35,6 +35,7 @@ class Envelope:
         self.margin = snap + 2 * TOLERANCE if stay_out > 0 else 0.0
         self._horizon = np.sin(float(self.resolution.max()) / 2)  # half a count lower is not rounded onto the horizon
         turns = np.floor((upper - lower) / (2 * np.pi) + 1e-9).astype(int)
+        self._whole = self._all_of_it()
         full = upper - lower > 2 * np.pi + 1e-6
         self._turns = np.array(np.meshgrid(*[np.arange(-t - 1, t + 2) if f else [0] for t, f in zip(turns, full)]))
         self._turns = (
@@ -52,12 +53,19 @@ class Envelope:
         """Poses (N, B, A) snapped to counts, with every way round an axis: (N, B W, A); and which are allowed."""
         if len(self._turns) > 1:
             poses = (poses[:, :, None, :] + self._turns).reshape(len(poses), -1, poses.shape[-1])
+        if self._whole and not self._counts and len(self._turns) == 1:
+            return poses, np.ones(poses.shape[:2], bool)
         poses = self.snap(poses)
         return poses, self.inside(poses)
 
     def inside(self, poses: Array) -> NDArray[np.bool_]:
         """Which poses (..., A) lie within the limits of every axis; NaN does not."""
-        return np.asarray(((poses >= self._low) & (poses <= self._high)).all(-1))
+        if poses.size < 256:
+            return np.asarray(((poses >= self._low) & (poses <= self._high)).all(-1))
+        ok = np.ones(poses.shape[:-1], bool)
+        for k in range(len(self.axes)):  # axis by axis: a reduction over a last axis of four is slow
+            ok &= (poses[..., k] >= self._low[k]) & (poses[..., k] <= self._high[k])
+        return ok
 
     def separation(self, poses: Array) -> Array:
         """Angle between the arms, rad."""
@@ -92,7 +100,7 @@ class Envelope:
         ok = (wi[:, 2] > self._horizon) & (wo[:, 2] > self._horizon)
         if self.stay_out > 0:
             ok &= ((wi - wo) ** 2).sum(-1) >= (2 * np.sin((self.stay_out + self.margin) / 2)) ** 2
-        if self._all_of_it():
+        if self._whole:
             return ok
         near = np.zeros(len(self.axes))
         poses = self.kinematics.inverse(wi, wo, near)

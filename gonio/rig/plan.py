@@ -55,12 +55,13 @@ class Planner:
         if self.plan.reciprocity:
             poses = np.concatenate([poses, inverse(wo, wi, near)], 1)
         poses, allowed = self.envelope.fit(poses)
+        if allowed.all():
+            return poses if self.plan.branches else poses[:, :1]
         if not self.plan.branches:  # the first that is allowed
             first = allowed.argmax(1)[:, None]
             poses = np.take_along_axis(poses, first[:, :, None], 1)
             allowed = np.take_along_axis(allowed, first, 1)
-        if not allowed.all():
-            poses[~allowed] = FAR
+        poses[~allowed] = FAR
         return poses
 
     def _tour(self, wi: Array, wo: Array, start: Array) -> Tour:

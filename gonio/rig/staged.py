@@ -6,10 +6,7 @@
 Nothing moves before homing is confirmed, outside the limits, or into the cone. After a fault the light is off.
 """
 
-import base64
-import json
 import threading
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from types import MappingProxyType
@@ -28,6 +25,7 @@ from gonio.rig.devices import Detector, Light, Stage, Visited
 from gonio.rig.envelope import Envelope
 from gonio.rig.errors import RigError, SafetyStop
 from gonio.rig.motion import move_time
+from gonio.rig.pending import Pending, pack, unpack
 from gonio.rig.plan import Planner
 from gonio.rig.radiometry import Dark, Radiometry
 
@@ -68,7 +66,7 @@ class StagedRig:
         self._darks: dict[int, Dark] = {}
         self._reference: Array | None = None
         self._drift, self._since_reference = 1.0, 0
-        self._pending: tuple[list[int], Array] = ([], np.empty((0, len(envelope.axes))))
+        self._pending: Pending = ([], np.empty((0, len(envelope.axes))))
         self._rest = envelope.snap(park_pose(config))
         self._stop = threading.Event()
         # a virtual clock has one thread only, and nothing to gain from a second
@@ -133,7 +131,7 @@ class StagedRig:
                 yield self._nothing(ids[k : k + 1], wi[k : k + 1], wo[k : k + 1])
                 continue
             self.clock.sleep(self.config.settle_s)
-            seen = self._measure(number, wi[k], wo[k], at, dark, begun)
+            seen = self._measure(number, wi[k], wo[k], poses[k], at, dark, begun)
             begun = self.clock.now()
             self._pending = (self._pending[0][1:], self._pending[1][1:])
             moving = None
@@ -141,13 +139,15 @@ class StagedRig:
                 moving = self._ahead.submit(self._go, poses[k + 1])
             yield seen
 
-    def _measure(self, number: int, wi: Array, wo: Array, at: Array, dark: Dark, begun: float) -> Visited:
+    def _measure(self, number: int, wi: Array, wo: Array, pose: Array, at: Array, dark: Dark, begun: float) -> Visited:
         if self.plan.predict_range and self.surrogate is not None:
             f = self.surrogate(wi[None], wo[None])[0]
             self.detector.expect(self.radiometry.expected(f, wi, wo, self.config.exposure_s))
         reading = self.detector.read(self.config.exposure_s)
         wi, wo = self.envelope.kinematics.forward(at)
         f, sigma = self.radiometry.reduce(reading, dark, wi, wo, self._drift)
+        if not self.config.use_achieved and np.any(np.abs(at - pose) > 1.5 * self.envelope.resolution + 1e-9):
+            f = np.full_like(f, np.nan)  # a servo stopped short; the counts stay in the record
         raw = {**reading.raw, "dark": dark.value.tolist(), "drift": self._drift, "pose_rad": at.tolist()}
         seconds = np.array([self.clock.now() - begun])
         saturated = np.array([reading.saturated])
@@ -218,7 +218,7 @@ class StagedRig:
             "darks": {str(k): [d.value.tolist(), d.sigma.tolist(), d.exposure] for k, d in self._darks.items()},
             "reference": None if self._reference is None else self._reference.tolist(),
             "drift": [self._drift, self._since_reference],
-            "pending": _pack(self._pending),
+            "pending": pack(self._pending),
         }
         if isinstance(self.clock, VirtualClock):
             state["clock_s"] = self.clock.now()
@@ -229,7 +229,7 @@ class StagedRig:
         self._darks = {int(k): Dark(np.array(v), np.array(s), e) for k, (v, s, e) in state["darks"].items()}
         self._reference = None if state["reference"] is None else np.array(state["reference"])
         self._drift, self._since_reference = state["drift"]
-        self._pending = _unpack(state["pending"], len(self.envelope.axes))
+        self._pending = unpack(state["pending"], len(self.envelope.axes))
         if isinstance(self.clock, VirtualClock):
             self.clock.sleep(state["clock_s"] - self.clock.now())
             for name, device in self._resumable():
@@ -240,6 +240,32 @@ class StagedRig:
     def _resumable(self) -> tuple[tuple[str, Any], ...]:
         """Devices on a virtual clock know how to go on where they were."""
         return ("stage", self.stage), ("detector", self.detector)
+
+    def drive(self, wi: Array, wo: Array) -> tuple[Array, Array]:
+        """Go to where a pair (1, 3), (1, 3) is shown and stay there; the directions achieved, (3,) each.
+
+        Raises SafetyStop where the rig cannot reach it.
+        """
+        self._stop.clear()
+        tour = next(self.planner.tours(wi, wo, self.stage.pose()), None)
+        at = None if tour is None else self._go(tour.poses[0])
+        if at is None:
+            raise SafetyStop(f"rig {self.config.name}: that pair of directions is out of reach; not driven there")
+        self.clock.sleep(self.config.settle_s)
+        return self.envelope.kinematics.forward(at)
+
+    def jog(self, axis: str, angle: float) -> Array:
+        """Turn one axis by `angle` rad, by a clear way; the pose achieved (A,). Raises SafetyStop, KeyError."""
+        self._stop.clear()
+        step = np.zeros(len(self.config.axis_names))
+        step[dict(zip(self.config.axis_names, range(len(step))))[axis]] = angle
+        goal = self.envelope.snap(self.stage.pose() + step)
+        at = self._go(goal) if self.envelope.inside(goal) else None
+        if at is None:
+            raise SafetyStop(
+                f"{axis}: {np.degrees(angle):+.2f} degrees leads out of its limits or into the stay-out cone"
+            )
+        return at
 
     def home(self) -> None:
         """Confirm the zero of every axis. Raises DeviceFault."""
@@ -262,20 +288,3 @@ class StagedRig:
         finally:
             if self._ahead:
                 self._ahead.shutdown(wait=True)
-
-
-def _pack(pending: tuple[list[int], Array]) -> str:
-    """Measurements still to come and their poses, as text: 15 kB for a tour of 512."""
-    numbers, poses = pending
-    if not numbers:
-        return ""
-    return base64.b64encode(
-        zlib.compress(json.dumps(numbers).encode() + b"\n" + np.asarray(poses).tobytes(), 1)
-    ).decode()
-
-
-def _unpack(text: str, axes: int) -> tuple[list[int], Array]:
-    if not text:
-        return [], np.empty((0, axes))
-    head, _, body = zlib.decompress(base64.b64decode(text)).partition(b"\n")
-    return json.loads(head), np.frombuffer(body, float).reshape(-1, axes).copy()

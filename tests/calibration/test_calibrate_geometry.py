@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from calibration.geometry import Observation, calibrate_geometry
+from calibration.observations import read_observations
 from gonio.config import load_config
 from gonio.config.rig import RigConfig
 from gonio.geometry import half_vector, unit
@@ -81,3 +82,26 @@ def test_wrong_data_is_refused():
         calibrate_geometry(mixed, SIM, SIGMA)
     with pytest.raises(CalibrationMissing, match="too few"):
         calibrate_geometry(seen[:3], SIM, SIGMA)
+
+
+def test_a_table_of_observations(tmp_path):
+    path = tmp_path / "seen.csv"
+    head = "kind,light_deg,turntable_deg,detector_deg,azimuth_deg,x,y,z\n"
+    path.write_text(head + "mirror,30,0,-30,0,,,\ndetector,10,20,30,40,0,0,2\n")
+    mirror, detector = read_observations(path, SIM)
+    assert mirror.kind == "mirror" and mirror.direction is None
+    np.testing.assert_allclose(np.degrees(detector.pose), [10, 20, 30, 40])
+    assert detector.direction.tolist() == [0, 0, 1]
+    for line, message in (
+        ("mirror,30,0,x,0,,,", r"seen\.csv:2: detector_deg is 'x'"),
+        ("mirrors,30,0,1,0,,,", r"seen\.csv:2: kind is 'mirrors'"),
+        ("light,30,0,1,0,nan,0,1", r"seen\.csv:2: x is 'nan'"),
+    ):
+        path.write_text(head + line + "\n")
+        with pytest.raises(CalibrationMissing, match=message):
+            read_observations(path, SIM)
+    path.write_text("kind,light\n")
+    with pytest.raises(CalibrationMissing, match="no column light_deg"):
+        read_observations(path, SIM)
+    with pytest.raises(CalibrationMissing, match="cannot be read"):
+        read_observations(tmp_path / "none.csv", SIM)

@@ -5,7 +5,7 @@ import datetime as dt
 import numpy as np
 import pytest
 
-from calibration.radiometry import calibrate_radiometry, take_readings
+from calibration.radiometry import calibrate_radiometry, measure_reference, take_readings
 from gonio.config import load_config
 from gonio.config.rig import CalibrationFiles, RigConfig
 from gonio.geometry import from_angles
@@ -28,12 +28,9 @@ class White:
 
 def calibrate(config):
     rig = open_rig(config, White(), 11)
-    pose = rig.envelope.kinematics.inverse(from_angles([0.02], [0.0]), from_angles([0.8], [1.0]), np.zeros(4))[0, 0]
-    rig.stage.move(rig.envelope.snap(pose), 60.0)
-    dark, white = take_readings(rig.detector, rig.light, config.exposure_s)
+    found = measure_reference(rig, 0.0, 45.0, White.f)
     assert not rig.light.lit
-    cosine = rig.envelope.kinematics.forward(rig.stage.pose())[0][2]
-    return calibrate_radiometry(dark, white, White.f, float(cosine), config.name, simulated=True)
+    return found
 
 
 def test_the_detector_is_found():
@@ -68,6 +65,11 @@ def test_missing_stale_and_foreign_files(tmp_path):
     old.write_text("id: x\n")
     with pytest.raises(CalibrationMissing, match="missing"):
         load_calibration(old, RadiometryCalibration)
+
+
+def test_a_geometry_out_of_reach_is_refused():
+    with pytest.raises(CalibrationMissing, match="0/4 degrees is out of rig sim's reach"):
+        measure_reference(open_rig(SIM, White(), 11), 0.0, 4.0, White.f)
 
 
 def test_useless_readings_are_refused():

@@ -184,7 +184,30 @@ def test_droop_is_recorded_as_achieved():
     wi, wo = pairs(rig, 30)
     got = gather(rig.visit(wi, wo, np.arange(30)))
     away = np.degrees(np.linalg.norm(got["wi"] - wi[got["ids"]], axis=1))
-    assert 0.2 < away.max() < 2.0
+    assert 0.2 < away.max() < 2.0 and np.isfinite(got["f"]).all()
+
+
+def test_droop_may_be_kept_from_the_chain():
+    rig = open_rig(changed(faults=FaultsConfig(droop_deg=0.88), use_achieved=False), Constant(0.3), 1)
+    got = gather(rig.visit(*pairs(rig, 30), np.arange(30)))
+    assert np.isnan(got["f"]).all(1).mean() > 0.5 and all(r["counts"] for r in got["raw"])
+    exact = open_rig(changed(use_achieved=False), Constant(0.3), 1)
+    assert np.isfinite(gather(exact.visit(*pairs(exact, 30), np.arange(30)))["f"]).all()
+
+
+def test_jog_and_drive_keep_to_the_envelope():
+    rig = open_rig(SIM, Constant(0.3), 1)
+    before = rig.stage.pose()
+    np.testing.assert_allclose(rig.jog("turntable", 0.5) - before, [0, 0.5, 0, 0], atol=2e-3)
+    for axis, angle in (("light", 3.0), ("light", np.pi / 2)):  # beyond its limit; onto the detector's place
+        with pytest.raises(SafetyStop, match="light"):
+            rig.jog(axis, angle)
+    wi, wo = rig.drive(from_angles([0.3], [0.0]), from_angles([1.0], [2.0]))
+    np.testing.assert_allclose([wi[2], wo[2]], np.cos([0.3, 1.0]), atol=2e-3)
+    with pytest.raises(SafetyStop, match="out of reach"):
+        rig.drive(from_angles([0.3], [0.0]), from_angles([0.3], [0.05]))
+    rig.park()
+    np.testing.assert_allclose(rig.stage.pose(), np.radians([-45, 0, 45, 0]), atol=2e-3)
 
 
 def test_nothing_moves_before_homing():
