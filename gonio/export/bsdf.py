@@ -13,7 +13,7 @@ from gonio.brdf import Brdf, RglBrdf
 from gonio.brdf.tensor_file import write_tensor_file
 from gonio.brdf.warp import Interpolant, Warp
 from gonio.export import ExportError, checked
-from gonio.export.profile import half_profile, half_width, projected_area
+from gonio.export.profile import half_profile, half_width, projected_area, turns
 from gonio.export.spectrum import WAVELENGTHS, upsample
 from gonio.geometry import Array, from_angles, reflect
 
@@ -30,7 +30,7 @@ def write_bsdf(
     brdf: Brdf,
     path: str | os.PathLike,
     *,
-    anisotropic: bool = False,
+    anisotropic: bool | None = None,
     spectral: bool = False,
     incidences: int | None = None,
     resolution: int | None = None,
@@ -38,6 +38,7 @@ def write_bsdf(
 ) -> None:
     """Write `brdf` to `path`, whole or not at all; rgb (3 channels) unless `spectral`.
 
+    anisotropic: a table over all azimuths of the light; None = where the BRDF is seen to change with them.
     Spectral files hold the channels at `brdf.wavelengths` (nm) where it has them, else a smooth upsampling of rgb.
     Defaults: 32 incidences of 64 x 64; anisotropic 25 azimuths x 16 incidences of 32 x 32.
     Raises ExportError for a BRDF with NaN, negative values, or the wrong channels.
@@ -47,7 +48,7 @@ def write_bsdf(
 
 def fields(
     brdf: Brdf,
-    anisotropic: bool = False,
+    anisotropic: bool | None = None,
     spectral: bool = False,
     incidences: int | None = None,
     resolution: int | None = None,
@@ -59,6 +60,7 @@ def fields(
     if brdf.channels != 3 and not (spectral and wavelengths is not None):
         wanted = "its wavelengths" if spectral else "3 for an rgb file"
         raise ExportError(f"the BRDF has {brdf.channels} channels, wanted {wanted}; nothing was written")
+    anisotropic = turns(brdf) if anisotropic is None else anisotropic
     t = np.linspace(0, 1, incidences or (16 if anisotropic else 32))
     theta_i = LAST * (1 - (1 - t) ** GRAZING)
     phi_i = np.linspace(-np.pi, np.pi, 25) if anisotropic else np.zeros(1)

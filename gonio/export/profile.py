@@ -38,6 +38,27 @@ def half_profile(brdf: Brdf, columns: int, rows: int) -> Array:
     return d / _cosine_integral(d)
 
 
+def turns(brdf: Brdf) -> bool:
+    """Whether `brdf` changes by more than 1 % when the sample is turned under light and detector: anisotropic."""
+    rng = np.random.default_rng(0)
+    angles = np.arctan(10 ** rng.uniform(-3, 0, 200)), 2 * np.pi * rng.random(200), np.arccos(rng.uniform(0.3, 1, 200))
+    wi, wo = from_half_diff(*angles, 2 * np.pi * rng.random(200))
+    seen = above_horizon(wi, wo)
+    wi, wo = wi[seen], wo[seen]
+    f = brdf.eval(wi, wo).mean(1)
+    for angle in (0.4, 1.1, 1.9, 3.0):
+        turned = brdf.eval(_turned(wi, angle), _turned(wo, angle)).mean(1)
+        with np.errstate(invalid="ignore"):  # of values that are not finite the exporter complains itself
+            if np.mean(np.abs(turned - f) / (turned + f + 1e-6 * f.max() + 1e-300)) > 0.005:
+                return True
+    return False
+
+
+def _turned(w: Array, angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([c * w[:, 0] - s * w[:, 1], s * w[:, 0] + c * w[:, 1], w[:, 2]], -1)
+
+
 def half_width(d: Array) -> float:
     """theta_h in rad at which the mean profile falls below half of its largest value."""
     mean = d.mean(0)

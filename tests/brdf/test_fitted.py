@@ -5,6 +5,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 import yaml
+from brdf.halfsquare import sample_p_value
 
 import gonio
 from gonio.brdf import BrdfFileError, RglBrdf
@@ -32,6 +33,7 @@ def test_ships(name):
     wi, wo = (from_angles(np.arccos(rng.random(300)), 2 * np.pi * rng.random(300)) for _ in range(2))
     np.testing.assert_allclose(brdf.eval(wi, wo), brdf.eval(wo, wi), rtol=1e-9)
     assert np.all(brdf.eval(wi, wo) >= 0)
+    assert sample_p_value(brdf, from_angles(0.7, 0.2), brdf.alpha[0], n=20_000) > 1e-4
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -40,6 +42,13 @@ def test_figures_in_the_file_are_those_measured(name, rgl_dir):
     written = yaml.safe_load(path.read_text())["figures"]
     measured = evaluate(FittedBrdf.from_file(path), RglBrdf.from_file(rgl_dir / f"{name}_rgb.bsdf"))
     assert written == pytest.approx(measured, abs=2e-4)
+
+
+def test_the_analytic_one_ships():
+    brdf = gonio.load_brdf("analytic_gloss")
+    n = np.array([[0.0, 0.0, 1.0]])
+    want = np.array([0.6, 0.25, 0.1]) / np.pi + 0.04 / (4 * np.pi * 0.08**2)
+    np.testing.assert_allclose(brdf.eval(n, n)[0], want, rtol=1e-12)
 
 
 def test_splines():
