@@ -17,6 +17,7 @@ from gonio.reconstruct.isotropic import Isotropic
 from gonio.reconstruct.lookup import Lookup
 from gonio.reconstruct.outliers import outliers
 from gonio.reconstruct.patches import Patches, left_out
+from gonio.reconstruct.reciprocity import holds, mirrored
 from gonio.reconstruct.residual import LogRatio
 from gonio.reconstruct.robust_base import RobustBase
 from gonio.reconstruct.samples import Samples
@@ -74,6 +75,7 @@ class AutoBrdf:
 class Problem:
     """What is to be interpolated: log ratio y (N, C) of noise variance (N,) at `angles`, from g and sigma (N, C)."""
 
+    samples: Samples
     frame: Frame
     angles: PairAngles
     g: Array
@@ -91,7 +93,7 @@ class Problem:
         ratio = LogRatio.of(g, sigma)
         base = RobustBase.fit(a, g, ratio.floor, rng)
         b = base(a)
-        return cls(frame, a, g, sigma, ratio, base, b, ratio.forward(g, b), ratio.variance(g, sigma, b))
+        return cls(s, frame, a, g, sigma, ratio, base, b, ratio.forward(g, b), ratio.variance(g, sigma, b))
 
 
 def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> AutoBrdf:
@@ -106,8 +108,12 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Aut
         p = Problem.of(s, frame, rng)
     stretch, _ = chosen_stretch(p, rng)
     x, y, variance = stretch(p.angles), p.y, p.variance
+    reciprocal, gain = holds(p, stretch, rng)
+    if reciprocal:
+        more = mirrored(p, stretch)
+        x, y, variance = (np.concatenate(pair) for pair in zip((x, y, variance), more))
     if len(bounds):
-        x, y, variance = with_bounds(p, stretch, bounds)
+        x, y, variance = with_bounds(p, stretch, bounds, x, y, variance)
     patches = Patches(x, y, variance)
     looked = rng.permutation(len(s))[:LOOKED_AT]
     said = left_out(x, y, variance, looked)
@@ -126,6 +132,8 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Aut
         "samples": len(s),
         "outliers": int(wrong.sum()),
         "saturated": len(bounds),
+        "reciprocal": reciprocal,
+        "error_with_reciprocity_over_without": gain,
         "t0": stretch.t0,
         "azimuth": stretch.azimuth,
         "elevation": stretch.elevation,
@@ -158,15 +166,14 @@ def peak_width(p: Problem) -> float:
     return float(np.clip(np.median(p.angles.theta_h[bright]), 0.004, 1.0))
 
 
-def with_bounds(p: Problem, stretch: Coordinates, bounds: Samples) -> tuple[Array, Array, Array]:
+def with_bounds(p: Problem, stretch: Coordinates, bounds: Samples, x: Array, y: Array, variance: Array):
     """x, y, variance with those saturated readings that the splines would fall short of put in at their bound."""
-    x = stretch(p.angles)
     a = p.frame.angles(bounds.wi, bounds.wo)
     least = p.ratio.forward(bounds.f * a.cos_o[:, None], p.base(a))
-    said = Patches(x, p.y, p.variance)(stretch(a))
+    said = Patches(x, y, variance)(stretch(a))
     short = (said < least).any(1)
     return (
         np.concatenate([x, stretch(a)[short]]),
-        np.concatenate([p.y, np.maximum(said, least)[short]]),
-        np.concatenate([p.variance, np.zeros(short.sum())]),
+        np.concatenate([y, np.maximum(said, least)[short]]),
+        np.concatenate([variance, np.zeros(short.sum())]),
     )

@@ -1,12 +1,78 @@
-"""The reconstruction that runs beside an acquisition: quick, refitted from all samples whenever it is asked for."""
+"""The reconstruction that runs beside an acquisition: the same splines, few choices, no table.
+
+For the stop rule (`energy_error_estimate`) and as the surrogate of a delayed acceptance: `eval` never falls below a
+floor, since a surrogate that says 0 where the sample does not would close that region to the chain.
+"""
 
 import numpy as np
 
-from gonio.reconstruct.auto import AutoBrdf
-from gonio.reconstruct.auto import fit as fit_auto
+from gonio.geometry import Array
+from gonio.reconstruct.auto import Problem, peak_width
+from gonio.reconstruct.clean import clean
+from gonio.reconstruct.frame import Coordinates, Frame
+from gonio.reconstruct.grain import Grain
+from gonio.reconstruct.half_grid import HalfGrid
+from gonio.reconstruct.held_out import EnergyError
+from gonio.reconstruct.isotropic import Isotropic
+from gonio.reconstruct.patches import Patches, left_out
 from gonio.reconstruct.samples import Samples
 
+TESTED = 300
+FLOOR = 1e-3
 
-def fit(samples: Samples, *, anisotropic: bool = False) -> AutoBrdf:
-    """A surrogate and its `energy_error_estimate`. Raises ReconstructionError."""
-    return fit_auto(samples, anisotropic=anisotropic, rng=np.random.default_rng(0))
+
+class RunningBrdf:
+    """Splines asked directly: right for hundreds of pairs at a time, not for rendering. Not saved."""
+
+    def __init__(self, problem: Problem, stretch: Coordinates, energy_error_estimate: float):
+        self.problem, self.stretch, self.energy_error_estimate = problem, stretch, energy_error_estimate
+        self._patches = Patches(stretch(problem.angles), problem.y, problem.variance)
+        self._floor = FLOOR * np.maximum(problem.g, 0).mean(0)
+        self._sampler: HalfGrid | None = None
+
+    @property
+    def channels(self) -> int:
+        return self.problem.g.shape[1]
+
+    def eval(self, wi: Array, wo: Array) -> Array:
+        wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
+        out = np.zeros((len(wi), self.channels))
+        up = (wi[:, 2] > 0) & (wo[:, 2] > 0)
+        if up.any():
+            p = self.problem
+            a = p.frame.angles(wi[up], wo[up])
+            g = p.ratio.inverse(self._patches(self.stretch(a)), p.base(a))
+            out[up] = np.maximum(g, self._floor) / a.cos_o[:, None]
+        return out
+
+    def sample(self, wi: Array, u: Array) -> tuple[Array, Array]:
+        return self.sampler.sample(wi, u)
+
+    def pdf(self, wi: Array, wo: Array) -> Array:
+        return self.sampler.pdf(wi, wo)
+
+    @property
+    def sampler(self) -> HalfGrid:
+        """Made when first asked for."""
+        if self._sampler is None:
+            azimuths = 8 if isinstance(self.problem.frame, Grain) else 1
+            self._sampler = HalfGrid.of(self.eval, self.stretch.t0, azimuths)
+        return self._sampler
+
+
+def fit(samples: Samples, *, anisotropic: bool = False) -> RunningBrdf:
+    """A surrogate of all samples so far. Saturated readings are left out. Raises ReconstructionError."""
+    rng = np.random.default_rng(0)
+    s = clean(samples)
+    s = s[~s.saturated]
+    frame: Frame = Grain.of(s.wi, s.wo, np.maximum(s.f, 0)) if anisotropic else Isotropic()
+    p = Problem.of(s, frame, rng)
+    test = rng.permutation(len(s))[:TESTED]
+    width = peak_width(p)
+    error = EnergyError(p.angles, p.g, p.sigma, frame.stretch(width), test)
+    tried = {}
+    for t0 in (width / 2, 2 * width):
+        stretch = frame.stretch(t0)
+        tried[stretch] = error(p.ratio.inverse(left_out(stretch(p.angles), p.y, p.variance, test), p.b[test]))
+    best = min(tried, key=lambda k: tried[k])
+    return RunningBrdf(p, best, tried[best])
