@@ -57,7 +57,8 @@ class SimStage:
                 raise SafetyStop(
                     f"{a.name}: {np.degrees(pose[k]):.3f} degrees lies outside its limits; not driven there"
                 )
-        self._stopped = False
+        if self._stopped:
+            return self._encoder.copy()
         delta = pose - self._encoder
         seconds = float(move_time(delta, self.velocity, self.acceleration))
         if self.faults.stuck_axis or self.faults.droop_deg:
@@ -84,6 +85,9 @@ class SimStage:
 
     def stop(self) -> None:
         self._stopped = True
+
+    def allow(self) -> None:
+        self._stopped = False
 
     def park(self) -> None:
         self.move(self._park, 3600.0)

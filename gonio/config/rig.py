@@ -208,6 +208,10 @@ class RigConfig(Section):
             raise ValueError(
                 f"axes: a {self.kinematics.kind} has {', '.join(names)}; found {', '.join(self.axes) or 'none'}"
             )
+        if isinstance(self.kinematics, Gantry):
+            for name in ("light", "detector"):
+                if self.axes[name].lower_deg < -90 or self.axes[name].upper_deg > 90:
+                    raise ValueError(f"axes.{name}: beyond 90 degrees the arm would go into the table")
         for name, angle in self.park_deg.items():
             if name not in names:
                 raise ValueError(f"park_deg.{name}: no such axis; they are {', '.join(names)}")

@@ -1,4 +1,4 @@
-"""The rest of a tour under way, as text: what a resumed run goes on with. 15 kB for 512 poses."""
+"""The rest of a tour under way, as text: what a resumed run goes on with. 12 kB for 512 poses."""
 
 import base64
 import json

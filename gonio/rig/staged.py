@@ -24,19 +24,19 @@ from gonio.rig.clock import Clock, VirtualClock
 from gonio.rig.devices import Detector, Light, Stage, Visited
 from gonio.rig.envelope import Envelope
 from gonio.rig.errors import RigError, SafetyStop
+from gonio.rig.levels import Levels
 from gonio.rig.motion import move_time
 from gonio.rig.pending import Pending, pack, unpack
 from gonio.rig.plan import Planner
 from gonio.rig.radiometry import Dark, Radiometry
-
-DARKS = 16  # readings that make one dark level, or one look at the reference point
 
 
 class StagedRig:
     """Implements `gonio.rig.devices.Rig`.
 
     announce(id), if given, is called before each measurement: simulated devices draw its noise from it (dark readings
-    have negative ids). `surrogate(wi, wo) -> f (N, C)` may be set to predict readings, which saves trials of ranges.
+    have negative ids). release(), if given, lets the devices go at `close`. `surrogate(wi, wo) -> f (N, C)` may be set
+    to predict readings, which saves trials of ranges.
     """
 
     calibration_ids: Mapping[str, str] = MappingProxyType({})  # for the run's provenance
@@ -56,16 +56,16 @@ class StagedRig:
         *,
         simulated: bool,
         announce: Callable[[int], None] = lambda number: None,
+        release: Callable[[], None] = lambda: None,
     ):
         self.config, self.envelope, self.plan = config, envelope, plan
         self.stage, self.detector, self.light = stage, detector, light
-        self.radiometry, self.clock, self.simulated, self.announce = radiometry, clock, simulated, announce
+        self.radiometry, self.clock, self.simulated = radiometry, clock, simulated
+        self.announce, self._release = announce, release
         self.planner = Planner(envelope, plan, isotropic)
         backlash = np.radians([config.axes[name].backlash_deg for name in config.axis_names])
         self.approach = Approach(envelope, backlash, plan.one_sided, self.planner.free)
-        self._darks: dict[int, Dark] = {}
-        self._reference: Array | None = None
-        self._drift, self._since_reference = 1.0, 0
+        self.levels = Levels(detector, light, radiometry, config.exposure_s, plan, announce)
         self._pending: Pending = ([], np.empty((0, len(envelope.axes))))
         self._rest = envelope.snap(park_pose(config))
         self._stop = threading.Event()
@@ -85,7 +85,7 @@ class StagedRig:
 
         Raises SafetyStop, DeviceFault; the light is off then.
         """
-        self._stop.clear()
+        self._begin()
         wi, wo, ids = np.asarray(wi, float), np.asarray(wo, float), np.asarray(ids, np.int64)
         done = np.zeros(len(ids), bool)
         try:
@@ -120,22 +120,24 @@ class StagedRig:
         begun = self.clock.now()
         moving: Future[Array | None] | None = None
         for k, number in enumerate(ids.tolist()):
-            if self._stop.is_set():
-                return
-            dark = self._dark(number)
-            self._look_at_reference(number)
+            if self.levels.reference_is_due and self._go(self._rest) is not None:
+                self.clock.sleep(self.config.settle_s)
+                self.levels.look_at_reference(number)
+            dark = self.levels.dark(number)
             self.announce(number)
             at = moving.result() if moving else self._go(poses[k])
+            if self._stop.is_set():
+                return  # wherever it came to rest, that is no measurement
+            moving = None
             if at is None:
-                self._pending = (self._pending[0][1:], self._pending[1][1:])
-                yield self._nothing(ids[k : k + 1], wi[k : k + 1], wo[k : k + 1])
-                continue
-            self.clock.sleep(self.config.settle_s)
-            seen = self._measure(number, wi[k], wo[k], poses[k], at, dark, begun)
+                seen = self._nothing(ids[k : k + 1], wi[k : k + 1], wo[k : k + 1])
+            else:
+                self.clock.sleep(self.config.settle_s)
+                seen = self._measure(number, wi[k], wo[k], poses[k], at, dark, begun)
+                self.levels.count()
             begun = self.clock.now()
             self._pending = (self._pending[0][1:], self._pending[1][1:])
-            moving = None
-            if self._ahead and k + 1 < len(ids) and not self._stop.is_set():
+            if self._ahead and k + 1 < len(ids) and not self.levels.reference_is_due:
                 moving = self._ahead.submit(self._go, poses[k + 1])
             yield seen
 
@@ -145,10 +147,10 @@ class StagedRig:
             self.detector.expect(self.radiometry.expected(f, wi, wo, self.config.exposure_s))
         reading = self.detector.read(self.config.exposure_s)
         wi, wo = self.envelope.kinematics.forward(at)
-        f, sigma = self.radiometry.reduce(reading, dark, wi, wo, self._drift)
+        f, sigma = self.radiometry.reduce(reading, dark, wi, wo, self.levels.drift)
         if not self.config.use_achieved and np.any(np.abs(at - pose) > 1.5 * self.envelope.resolution + 1e-9):
             f = np.full_like(f, np.nan)  # a servo stopped short; the counts stay in the record
-        raw = {**reading.raw, "dark": dark.value.tolist(), "drift": self._drift, "pose_rad": at.tolist()}
+        raw = {**reading.raw, "dark": dark.value.tolist(), "drift": self.levels.drift, "pose_rad": at.tolist()}
         seconds = np.array([self.clock.now() - begun])
         saturated = np.array([reading.saturated])
         return Visited(np.array([number]), wi[None], wo[None], f[None], sigma[None], saturated, (raw,), seconds)
@@ -159,7 +161,10 @@ class StagedRig:
         return Visited(ids, wi, wo, nan, nan, np.zeros(n, bool), ({},) * n, np.zeros(n))
 
     def _go(self, pose: Array) -> Array | None:
-        """Drive to a pose by a way that is clear; the pose achieved, None where there is no way. Raises SafetyStop."""
+        """Drive to a pose by a way that is clear; the pose achieved, None where there is no way.
+
+        Ends early when stopped. Raises SafetyStop, DeviceFault.
+        """
         if not self.stage.homed:
             raise SafetyStop(f"rig {self.config.name}: not homed; run `gonio home` before anything moves")
         start = self.stage.pose()
@@ -169,7 +174,7 @@ class StagedRig:
         at = start
         for leg in legs:
             if self._stop.is_set():
-                raise SafetyStop(f"rig {self.config.name}: stopped on the operator's request")
+                break
             if not self.envelope.inside(leg):
                 raise SafetyStop(f"rig {self.config.name}: a pose outside the limits was asked for; not driven there")
             at = self.stage.move(leg, 2.0 + 1.5 * float(self._seconds(leg - at)))
@@ -178,64 +183,26 @@ class StagedRig:
     def _seconds(self, delta: Array) -> Array:
         return move_time(delta, self.planner.velocity, self.planner.acceleration)
 
-    def _dark(self, number: int) -> Dark:
-        """The dark level for a measurement, shared by `plan.dark_every` of them."""
-        epoch = number // self.plan.dark_every
-        if epoch not in self._darks:
-            self.light.off()
-            self.announce(-2 - epoch)
-            dark = Dark.of([self.detector.read(self.config.exposure_s) for _ in range(DARKS)])
-            self._darks = {**dict(list(self._darks.items())[-3:]), epoch: dark}
-            self.light.on()
-        return self._darks[epoch]
-
-    def _look_at_reference(self, number: int) -> None:
-        """Every `plan.reference_every` measurements: the lamp's drift, from the signal at the pose of rest."""
-        self._since_reference += 1
-        if not self.plan.reference_every or (
-            self._reference is not None and self._since_reference <= self.plan.reference_every
-        ):
-            return
-        at = self._go(
-            self.envelope.snap(np.radians([self.config.park_deg.get(n, 0.0) for n in self.config.axis_names]))
-        )
-        if at is None:
-            return
-        self.announce(-(1 << 40) - number)
-        self.clock.sleep(self.config.settle_s)
-        dark = self._dark(number)
-        signal = np.mean(
-            [self.radiometry.signal(self.detector.read(self.config.exposure_s))[0] for _ in range(DARKS)], 0
-        )
-        signal = signal - dark.value
-        self._reference = signal if self._reference is None else self._reference
-        self._drift = float(signal.sum() / self._reference.sum())
-        self._since_reference = 0
+    def _begin(self) -> None:
+        """A new task: stops asked for before it are over."""
+        self._stop.clear()
+        self.stage.allow()
 
     def state(self) -> dict[str, Any]:
         """Levels, and the rest of the tour under way; of simulated devices, also where they are."""
-        state: dict[str, Any] = {
-            "darks": {str(k): [d.value.tolist(), d.sigma.tolist(), d.exposure] for k, d in self._darks.items()},
-            "reference": None if self._reference is None else self._reference.tolist(),
-            "drift": [self._drift, self._since_reference],
-            "pending": pack(self._pending),
-        }
+        state: dict[str, Any] = {"levels": self.levels.state(), "pending": pack(self._pending)}
         if isinstance(self.clock, VirtualClock):
             state["clock_s"] = self.clock.now()
             state["devices"] = {name: device.state() for name, device in self._resumable()}
         return state
 
     def restore(self, state: dict[str, Any]) -> None:
-        self._darks = {int(k): Dark(np.array(v), np.array(s), e) for k, (v, s, e) in state["darks"].items()}
-        self._reference = None if state["reference"] is None else np.array(state["reference"])
-        self._drift, self._since_reference = state["drift"]
         self._pending = unpack(state["pending"], len(self.envelope.axes))
         if isinstance(self.clock, VirtualClock):
             self.clock.sleep(state["clock_s"] - self.clock.now())
             for name, device in self._resumable():
                 device.restore(state["devices"][name])
-        if self._darks:
-            self.light.on()
+        self.levels.restore(state["levels"])
 
     def _resumable(self) -> tuple[tuple[str, Any], ...]:
         """Devices on a virtual clock know how to go on where they were."""
@@ -246,7 +213,7 @@ class StagedRig:
 
         Raises SafetyStop where the rig cannot reach it.
         """
-        self._stop.clear()
+        self._begin()
         tour = next(self.planner.tours(wi, wo, self.stage.pose()), None)
         at = None if tour is None else self._go(tour.poses[0])
         if at is None:
@@ -256,7 +223,7 @@ class StagedRig:
 
     def jog(self, axis: str, angle: float) -> Array:
         """Turn one axis by `angle` rad, by a clear way; the pose achieved (A,). Raises SafetyStop, KeyError."""
-        self._stop.clear()
+        self._begin()
         step = np.zeros(len(self.config.axis_names))
         step[dict(zip(self.config.axis_names, range(len(step))))[axis]] = angle
         goal = self.envelope.snap(self.stage.pose() + step)
@@ -274,7 +241,7 @@ class StagedRig:
     def park(self) -> None:
         """Light off, arms to the pose of rest by a clear way."""
         self.light.off()
-        self._stop.clear()
+        self._begin()
         self._go(self._rest)
 
     def stop(self) -> None:
@@ -288,3 +255,4 @@ class StagedRig:
         finally:
             if self._ahead:
                 self._ahead.shutdown(wait=True)
+            self._release()

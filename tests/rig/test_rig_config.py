@@ -40,6 +40,7 @@ def test_the_yardstick():
         ("settle_s:", "settle_ms:", "settle_ms: unknown key; did you mean settle_s"),
         ("velocity_deg_s: 60", "velocity_deg_s: -60", "velocity_deg_s"),
         ("lower_deg: -88", "lower_deg: 88", "upper_deg"),
+        ("lower_deg: -88", "lower_deg: -91", "into the table"),
         ("  azimuth:", "  azimut:", "a gantry has light, turntable, detector, azimuth"),
         ("park_deg: {light: -45", "park_deg: {light: -95", "park_deg.light"),
         ("kind: gantry", "kind: robot", "kinematics"),

@@ -13,7 +13,8 @@ from gonio.rig.build import envelope_of, park_pose, radiometry_of
 from gonio.rig.clock import RealClock
 from gonio.rig.devices import Reading
 from gonio.rig.errors import DeviceFault, SafetyStop
-from gonio.rig.staged import DARKS, StagedRig
+from gonio.rig.levels import READINGS as DARKS
+from gonio.rig.staged import StagedRig
 from tests.conftest import ROOT
 
 SIM = load_config(ROOT / "configs/rigs/sim.yaml", RigConfig).model_copy(update={"settle_s": 0.0})
@@ -45,6 +46,9 @@ class Stage:
 
     def stop(self):
         self.halted.set()
+
+    def allow(self):
+        self.halted.clear()
 
     def park(self): ...
 
@@ -132,6 +136,30 @@ def test_a_stop_from_another_thread_ends_the_visit_without_another_move():
     thread.start()
     thread.join()
     assert list(visit) == [] and log.count("move") == 1 and rig.stage.halted.is_set()
+
+
+def test_a_move_cut_short_by_a_stop_is_no_measurement():
+    rig, log = make()
+    move = rig.stage.move
+
+    def interrupted(pose, deadline):
+        rig.stop()
+        return move(0.5 * (rig.stage.pose() + pose), deadline)
+
+    rig.stage.move = interrupted
+    assert list(rig.visit(WI, WO, IDS)) == [] and log.count("move") == 1
+
+
+def test_devices_are_let_go():
+    log, envelope = Log(), envelope_of(SIM)
+    gone = []
+    devices = Stage(log, envelope), Detector(log), Light(log)
+    plan, release = PlanConfig(), lambda: gone.append(True)
+    rig = StagedRig(
+        SIM, envelope, *devices, radiometry_of(SIM, 3), RealClock(), plan, False, simulated=False, release=release
+    )
+    rig.close()
+    assert gone == [True] and log == ["off"]
 
 
 def test_not_homed():

@@ -225,5 +225,8 @@ def test_stop_and_close():
     at = rig.stage.pose()
     rig.stop()
     assert list(visit) == [] and np.array_equal(rig.stage.pose(), at)
+    rig.stage.move(np.zeros(4), 60.0)  # a move that was on its way to the stage when the stop came
+    assert np.array_equal(rig.stage.pose(), at)
+    assert len(list(rig.visit(*pairs(rig, 2), np.arange(2)))) == 2  # a new task moves again
     rig.close()
     assert not rig.light.lit
