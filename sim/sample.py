@@ -25,12 +25,13 @@ class Sample:
         """f, (N, C) in 1/sr, of directions (N, 3); NaN never, 0 below the horizon."""
         if len(self._lit[1]) == len(self._seen[1]) == 1:
             return self.truth.eval(wi, wo)
-        total = np.zeros((len(wi), self.channels))
-        for a, weight_a in zip(*self._lit):
-            light = _off_axis(wi, a)
-            cosine = np.maximum(light[:, 2], 0)[:, None]
-            for b, weight_b in zip(*self._seen):
-                total += weight_a * weight_b * cosine * self.truth.eval(light, _off_axis(wo, b))
+        (at_light, weight_light), (at_detector, weight_detector) = self._lit, self._seen
+        light = np.stack([_off_axis(wi, a) for a in at_light])[:, None]  # (light points, 1, N, 3)
+        seen = np.stack([_off_axis(wo, b) for b in at_detector])[None]  # (1, detector points, N, 3)
+        light, seen = np.broadcast_arrays(light, seen)
+        f = self.truth.eval(light.reshape(-1, 3), seen.reshape(-1, 3)).reshape(*light.shape[:3], -1)
+        cosine = np.maximum(light[..., 2:], 0)
+        total = np.einsum("a,b,abnc->nc", weight_light, weight_detector, cosine * f)
         return total / np.maximum(wi[:, 2], 1e-300)[:, None]
 
 

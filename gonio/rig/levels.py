@@ -38,14 +38,14 @@ class Levels:
         self._since = 0
 
     def dark(self, number: int) -> Dark:
-        """The dark level of a measurement; taken now, with the light off, if it is the first of its kind."""
+        """The dark level of a measurement; taken now, with the light at 0, if it is the first of its kind."""
         epoch = number // self.plan.dark_every
         if epoch not in self._darks:
-            self.light.off()
+            self.light.level(0)  # not off: it would have to warm up again
             self.announce(-2 - epoch)
             dark = Dark.of([self.detector.read(self.exposure) for _ in range(READINGS)])
             self._darks = {**dict(list(self._darks.items())[1 - KEPT :]), epoch: dark}
-            self.light.on()
+            self.light.level(1)
         return self._darks[epoch]
 
     @property
@@ -78,5 +78,3 @@ class Levels:
         self._darks = {int(k): Dark(np.array(v), np.array(s), e) for k, (v, s, e) in state["darks"].items()}
         self._reference = None if state["reference"] is None else np.array(state["reference"])
         self.drift, self._since = state["drift"], state["since"]
-        if self._darks:
-            self.light.on()

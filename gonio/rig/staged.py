@@ -89,6 +89,8 @@ class StagedRig:
         wi, wo, ids = np.asarray(wi, float), np.asarray(wo, float), np.asarray(ids, np.int64)
         done = np.zeros(len(ids), bool)
         try:
+            self.light.on()
+            self.light.level(1)
             for which, poses in self._tours(wi, wo, ids):
                 done[which] = True
                 yield from self._drive(wi[which], wo[which], ids[which], poses)
@@ -202,7 +204,8 @@ class StagedRig:
             self.clock.sleep(state["clock_s"] - self.clock.now())
             for name, device in self._resumable():
                 device.restore(state["devices"][name])
-        self.levels.restore(state["levels"])
+        if self.simulated:  # a real lamp and detector are not what they were: levels are taken anew
+            self.levels.restore(state["levels"])
 
     def _resumable(self) -> tuple[tuple[str, Any], ...]:
         """Devices on a virtual clock know how to go on where they were."""

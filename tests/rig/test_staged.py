@@ -76,7 +76,8 @@ class Light:
         self.log.append("off")
         self.lit = False
 
-    def level(self, fraction): ...
+    def level(self, fraction):
+        self.log.append(f"level {fraction}")
 
 
 def make(plan=None):
@@ -95,7 +96,7 @@ def test_nothing_moves_before_what_was_read_is_stored():
     rig, log = make()
     for _ in rig.visit(WI, WO, IDS):
         log.append("stored")
-    assert log == ["off", *["read"] * DARKS, *["move", "read", "stored"] * 5]
+    assert log == ["level 1", "level 0", *["read"] * DARKS, "level 1", *["move", "read", "stored"] * 5]
     rig.close()
     assert not rig.light.lit
 
