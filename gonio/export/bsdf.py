@@ -121,7 +121,8 @@ def _warp_density(d: Array, wi: Array, turn: bool) -> Array:
         rows = np.where(up, density.reshape(AZIMUTHS, columns), 0)
         to_horizon = np.max(np.where(up, theta.reshape(AZIMUTHS, columns), 0), axis=1)[:, None] - theta[:columns]
         edge = np.where(up, u[:columns] / (EDGE + np.maximum(to_horizon, 0)), 0)
-        out.append(rows + EDGE_SHARE * edge * (rows.sum(1) / edge.sum(1))[:, None])
+        # every azimuth alike: by their share of the density the few half vectors of the forward ones would go short
+        out.append(rows / rows.sum(1, keepdims=True) + EDGE_SHARE * edge / edge.sum(1, keepdims=True))
     table = np.array(out)
     return table / table.mean((1, 2), keepdims=True)
 
@@ -129,7 +130,7 @@ def _warp_density(d: Array, wi: Array, turn: bool) -> Array:
 def _values(brdf: Brdf, wi: Array, vndf: Array, ndf: Array, sigma: Array, n: int, mirror: bool) -> tuple[Array, Array]:
     """(S, n, n, C) stored values and (S, n, n) luminance: how much light arrives from each place of the square."""
     warp = Warp(vndf.astype(np.float32))
-    rows = n // 2 if mirror else n  # of an isotropic surface the other half is the mirror image
+    rows = (n + 1) // 2 if mirror else n  # of an isotropic surface the other half is the mirror image
     v, u = np.meshgrid(np.linspace(0, 1, n)[:rows], np.linspace(0, 1, n), indexing="ij")
     u, v = np.tile(u.ravel(), len(wi)), np.tile(v.ravel(), len(wi))
     k = np.repeat(np.arange(len(wi)), rows * n)
@@ -157,7 +158,7 @@ def _values(brdf: Brdf, wi: Array, vndf: Array, ndf: Array, sigma: Array, n: int
     colour = (f_cos * scale[:, None]).reshape(len(wi), rows, n, -1)
     luminance = light.reshape(len(wi), rows, n)
     if mirror:
-        colour, luminance = (np.concatenate([half, half[:, ::-1]], axis=1) for half in (colour, luminance))
+        colour, luminance = (np.concatenate([half, half[:, ::-1][:, n % 2 :]], axis=1) for half in (colour, luminance))
     mean = luminance.mean((1, 2), keepdims=True)
     return colour, np.where(mean > 0, luminance / np.where(mean > 0, mean, 1) + 1e-3, 1)
 
