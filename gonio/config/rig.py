@@ -212,6 +212,14 @@ class RigConfig(Section):
             for name in ("light", "detector"):
                 if self.axes[name].lower_deg < -90 or self.axes[name].upper_deg > 90:
                     raise ValueError(f"axes.{name}: beyond 90 degrees the arm would go into the table")
+        swing = self.axes["detector"] if isinstance(self.kinematics, Gimbal) else None
+        if (
+            swing
+            and self.stay_out_deg > 0
+            and swing.lower_deg < self.stay_out_deg
+            and swing.upper_deg > -self.stay_out_deg
+        ):
+            raise ValueError("axes.detector: it would swing through the light; keep to one side of the stay-out cone")
         for name, angle in self.park_deg.items():
             if name not in names:
                 raise ValueError(f"park_deg.{name}: no such axis; they are {', '.join(names)}")

@@ -230,3 +230,20 @@ def test_stop_and_close():
     assert len(list(rig.visit(*pairs(rig, 2), np.arange(2)))) == 2  # a new task moves again
     rig.close()
     assert not rig.light.lit
+
+
+def test_a_gimbal_measures_too():
+    turn = {"lower_deg": -180.0, "upper_deg": 180.0}
+    axes = {"yaw": turn, "tilt": turn, "roll": turn, "detector": {"lower_deg": 8.5, "upper_deg": 170.0}}
+    config = {"name": "swing", "depth": "devices", "kinematics": {"kind": "gimbal"}, "axes": axes}
+    config = RigConfig(**config, park_deg={"detector": 90.0})
+    for isotropic in (True, False):
+        rig = open_rig(config, Constant(0.3), 1, isotropic=isotropic)
+        wi, wo = pairs(rig, 100)
+        got = gather(rig.visit(wi, wo, np.arange(100)))
+        z = (got["f"] - np.array([0.3, 0.15, 0.075])) / got["sigma"]
+        assert np.isfinite(z).all() and np.abs(z).max() < 5
+        np.testing.assert_allclose((got["wi"] * got["wo"]).sum(1), (wi * wo).sum(1)[got["ids"]], atol=2e-3)
+    axes["detector"] = turn
+    with pytest.raises(ValueError, match="through the light"):
+        RigConfig(name="x", depth="devices", kinematics={"kind": "gimbal"}, axes=axes)
