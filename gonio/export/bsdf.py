@@ -1,8 +1,12 @@
 """Any `Brdf` as an RGL `.bsdf`, which Mitsuba's `measured` and pbrt's "measured" read (Dupuy and Jakob 2018).
 
 The table holds f cos(theta_o) 4 sigma(wi) / D(m) over a square that a warp stretches to where the lobe is. D here is
-not a claim about the surface but the mean of f cos(theta_i) cos(theta_o) at each half vector; the warp's density is
-half of D's visible normals and half of a broad lobe's, so that the tails keep nodes of their own.
+not a claim about the surface but the mean of f cos(theta_i) cos(theta_o) at each half vector. The `vndf` table, from
+which loaders build the warp, is not D's visible normals either: it puts nodes where f changes, and `luminance` makes
+up for it, so that samples still follow f cos(theta_o).
+
+What 32 x 64^2 cannot hold: the last degrees before the horizon on a rough surface (f cos ends there with a kink), and
+detail finer than 3 degrees of azimuth. More `incidences` and `resolution` do: the error falls about as 1 / resolution.
 """
 
 import os
@@ -102,7 +106,7 @@ def _square(rows: int, columns: int) -> tuple[Array, Array]:
 def _warp_density(d: Array, wi: Array, turn: bool) -> Array:
     """(S, AZIMUTHS, columns), mean 1: where the nodes go. Azimuths are counted from wi's if `turn`.
 
-    One part follows D, one is even in log(t0 + theta_m), t0 the width of D: so many nodes per octave from the peak to
+    One part follows D, one is even in log(t0 + theta_m), t0 half the width of D: nodes per octave from the peak to
     the horizon; one is even in the logarithm of the distance from the horizon, where f cos(theta_o) ends with a kink.
     Half vectors that send wo below the horizon get none, so that the square's edge is the horizon.
     """
@@ -111,7 +115,7 @@ def _warp_density(d: Array, wi: Array, turn: bool) -> Array:
     u = np.sqrt(theta * 2 / np.pi)
     profile = d.mean(0)[np.tile(np.arange(columns), AZIMUTHS)] if len(d) != AZIMUTHS else d.ravel()
     energy = profile * np.cos(theta) * np.sin(theta) * u
-    octaves = u / (half_width(d) + theta)
+    octaves = u / (half_width(d) / 2 + theta)
     density = energy / energy.mean() + octaves / octaves.mean()
     out = []
     for w in wi:
