@@ -1,0 +1,85 @@
+"""A sampler against a BRDF, with nothing between: what the studies of chains measure."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import gonio
+from gonio.brdf import Brdf
+from gonio.config import Material
+from gonio.geometry import Array
+from gonio.mcmc import make_sampler
+from gonio.mcmc.steps import Steps
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What a run was: its step log, and wi, wo, f by measurement."""
+
+    steps: Steps
+    wi: Array
+    wo: Array
+    f: Array
+
+    @property
+    def measurements(self) -> int:
+        return len(self.f)
+
+    def chains(self, values: Array, burn_in: float = 0.0) -> Array:
+        """values (M, …) by measurement -> (chains, steps, …) by the state each chain is at, after the burn-in share."""
+        s = self.steps
+        keep = s.step >= 0
+        count = int(s.chain.max()) + 1
+        state = s.state[keep].reshape(-1, count).T  # columns are logged all chains at once
+        begin = int(max((state < 0).sum(1).max(), burn_in * state.shape[1]))
+        return values[state[:, begin:]]
+
+    def log_p(self, burn_in: float = 0.0) -> Array:
+        """log of the target at each state, (chains, steps)."""
+        s = self.steps
+        keep = s.step >= 0
+        count = int(s.chain.max()) + 1
+        state, log_p = (a[keep].reshape(-1, count).T for a in (s.state, s.log_p))
+        begin = int(max((state < 0).sum(1).max(), burn_in * state.shape[1]))
+        return log_p[:, begin:]
+
+
+def truth_of(spec: str) -> Brdf:
+    """A material by name or path, or `ggx:ALPHA` for an analytic one: 20 % Lambert under a GGX lobe of F0 0.5."""
+    if spec.startswith("ggx:"):
+        from gonio.brdf.lambert import Lambert
+        from gonio.brdf.microfacet import Ggx
+        from gonio.brdf.mixture import Mixture
+
+        return Mixture([Lambert([0.2] * 3), Ggx(float(spec[4:]), None, [0.5] * 3)])
+    from gonio.brdf.library import find
+
+    return gonio.load_brdf(find(spec).path)
+
+
+def drive(
+    brdf: Brdf, sampler: dict | str, measurements: int, *, chains: int = 1, seed: int = 1, steps: int | None = None
+) -> Driven:
+    """Run a sampler section against `brdf` until so many measurements (or steps) are made."""
+    section = sampler if isinstance(sampler, str) else {**sampler, "chains": chains}
+    material = Material.model_validate({"name": "study", "channels": brdf.channels, "seed": seed, "sampler": section})
+    if isinstance(sampler, str):
+        material = material.model_copy(update={"sampler": material.sampler.model_copy(update={"chains": chains})})
+    chain = make_sampler(material, None, surrogate)
+    wi, wo, f, made = [], [], [], 0
+    while made < measurements and (steps is None or chain.step < steps):
+        batch = chain.ask()
+        wi.append(batch.wi)
+        wo.append(batch.wo)
+        f.append(brdf.eval(batch.wi, batch.wo))
+        made += len(batch.ids)
+        chain.tell(batch.ids, f[-1])
+    return Driven(chain.take_steps(), np.concatenate(wi), np.concatenate(wo), np.concatenate(f))
+
+
+def surrogate(wi: Array, wo: Array, f: Array) -> Brdf:
+    """What `delayed` acceptance screens with: the running reconstruction."""
+    from gonio.reconstruct.running import fit
+    from gonio.reconstruct.samples import Samples
+
+    return fit(Samples.of(wi, wo, f))

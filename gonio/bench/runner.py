@@ -1,0 +1,47 @@
+"""Studies by name: `gonio bench STUDY` reads configs/studies/STUDY.yaml and runs the module its `study` key names."""
+
+import os
+import time
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+import yaml
+
+from gonio.config import ConfigError, load_config
+
+# each module has `Config` (a Section with a field `study`) and `run(config, out, say)`
+STUDIES = {
+    "convergence": "gonio.bench.convergence",
+    "sampling": "gonio.bench.sampling",
+    "throughput": "gonio.bench.throughput",
+    "reconstruction": "gonio.bench.reconstruction",
+    "thesis": "gonio.bench.thesis_table",
+    "rig": "gonio.bench.rig_seconds",
+    "flow": "gonio.bench.flow",
+}
+
+
+def run_study(path: Path, overrides: list[str], out: Path | None, say: Callable[[str], None]) -> Path:
+    """Run the study of a YAML file; its tables and figures go to `out` (runs/bench/<name>-<stamp>), returned."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    try:
+        kind = (yaml.safe_load(path.read_text()) or {}).get("study")
+    except (OSError, yaml.YAMLError, AttributeError) as e:
+        raise ConfigError(f"{path}: cannot be read as a study ({e})".replace("\n", " ")) from None
+    if kind not in STUDIES:
+        raise ConfigError(f"{path}: study: {kind!r} is not one of {', '.join(STUDIES)}")
+    module = import_module(STUDIES[kind])
+    config = load_config(path, module.Config, overrides)
+    out = out or Path("runs") / "bench" / f"{path.stem}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}"
+    out.mkdir(parents=True, exist_ok=True)
+    with open(out / "table.txt", "w") as table:
+
+        def both(line: str) -> None:
+            say(line)
+            table.write(line + "\n")
+            table.flush()
+
+        module.run(config, out, both)
+    return out
