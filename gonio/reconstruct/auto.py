@@ -25,6 +25,7 @@ from gonio.reconstruct.spread import Spread
 from gonio.reconstruct.tabulate import TabulatedBrdf
 
 TESTED = 600
+CHOOSING = 30_000
 LOOKED_AT = 3000
 
 
@@ -102,13 +103,14 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Aut
     bounds, s = s[s.saturated], s[~s.saturated]
     frame: Frame = Grain.of(s.wi, s.wo, np.maximum(s.f, 0)) if anisotropic else Isotropic()
     p = Problem.of(s, frame, rng)
-    wrong = outliers(frame.stretch(peak_width(p))(p.angles), p.y)
+    wrong = outliers(frame.stretch(peak_width(p))(p.angles), p.y, rng)
     if wrong.any():
         s = s[~wrong]
         p = Problem.of(s, frame, rng)
-    stretch, _ = chosen_stretch(p, rng)
+    few = p if len(s) <= CHOOSING else Problem.of(s[rng.permutation(len(s))[:CHOOSING]], frame, rng)
+    stretch = chosen_stretch(few, rng)
     x, y, variance = stretch(p.angles), p.y, p.variance
-    reciprocal, gain = holds(p, stretch, rng)
+    reciprocal, gain = holds(few, stretch, rng)
     if reciprocal:
         more = mirrored(p, stretch)
         x, y, variance = (np.concatenate(pair) for pair in zip((x, y, variance), more))
@@ -141,8 +143,8 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Aut
     return AutoBrdf(table, known, error, notes)
 
 
-def chosen_stretch(p: Problem, rng: np.random.Generator) -> tuple[Coordinates, float]:
-    """The coordinates that foretell held-out samples best, and their energy error."""
+def chosen_stretch(p: Problem, rng: np.random.Generator) -> Coordinates:
+    """The coordinates that foretell held-out samples best."""
     test = rng.permutation(len(p.g))[:TESTED]
     first = p.frame.stretch(peak_width(p))
     error = EnergyError(p.angles, p.g, p.sigma, first, test)
@@ -157,7 +159,7 @@ def chosen_stretch(p: Problem, rng: np.random.Generator) -> tuple[Coordinates, f
     b = best([p.frame.stretch(t0) for t0 in first.t0 * np.geomspace(1 / 8, 8, 7)])
     b = best([p.frame.stretch(b.t0, azimuth, b.elevation) for azimuth in (0.5, 1.0)])
     b = best([p.frame.stretch(b.t0, b.azimuth, elevation) for elevation in (0.35, 0.8)])
-    return b, tried[b]
+    return b
 
 
 def peak_width(p: Problem) -> float:

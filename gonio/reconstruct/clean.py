@@ -29,8 +29,8 @@ def clean(samples: Samples) -> Samples:
         )
     if not (s.f[values] > 0).any():
         raise ReconstructionError("every reading is zero or below; check the light, the shutter and the dark readings")
-    theta_h, _, theta_d, phi_d = to_half_diff(s.wi[values], s.wo[values])
-    spread = max(np.ptp(theta_h), np.ptp(theta_d), np.ptp(np.sin(theta_d) * np.cos(phi_d)))
+    theta_h, _, theta_d, _ = to_half_diff(s.wi[values], s.wo[values])
+    spread = max(np.ptp(theta_h), np.ptp(theta_d), np.ptp(s.wi[values, 2] - s.wo[values, 2]))
     if spread < 0.01:
         raise ReconstructionError(
             f"all samples lie within {np.degrees(spread):.2g} degrees of one spot; measure at other angles too"

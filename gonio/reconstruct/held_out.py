@@ -19,7 +19,7 @@ class EnergyError:
     """The energy error of foretold values at the samples `test` (indices), each left out of its own foretelling."""
 
     def __init__(self, a: PairAngles, g: Array, sigma: Array, stretch: Coordinates, test):
-        v = solid_angles(stretch, a)[test]
+        v = solid_angles(stretch, a, test)
         self._g, self._weight = g[test], energy_weights(a.at(test), g[test], v)
         # what the readings' own noise adds to |said - g|, the mean of a normal variable's magnitude
         self._noise = np.sqrt(2 / np.pi) * float((sigma[test] * self._weight).sum())
@@ -30,11 +30,11 @@ class EnergyError:
         return float(np.sqrt(max(error**2 - self._noise**2, (0.2 * error) ** 2)))
 
 
-def solid_angles(stretch: Coordinates, a: PairAngles) -> Array:
-    """V of each sample, (N,), up to a factor."""
+def solid_angles(stretch: Coordinates, a: PairAngles, test) -> Array:
+    """V of the samples `test`, up to a factor."""
     x = stretch(a)[:, :-1]
-    distance, _ = cKDTree(x).query(x, min(9, len(x)))
-    v = distance[:, -1] ** stretch.dimensions * stretch.measure(a)
+    distance, _ = cKDTree(x).query(x[test], min(9, len(x)))
+    v = distance[:, -1] ** stretch.dimensions * stretch.measure(a.at(test))
     return np.minimum(v, 20 * np.mean(v))
 
 

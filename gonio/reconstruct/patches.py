@@ -14,6 +14,8 @@ from scipy.spatial import cKDTree
 from gonio.geometry import Array
 
 BLEND = 4
+BEYOND = 1 / 3
+MOST = 60_000
 
 
 class Patches:
@@ -22,7 +24,7 @@ class Patches:
     def __init__(self, x: Array, y: Array, variance: Array, neighbours: int = 50, per_centre: float = 6.0):
         n, d = x.shape
         k = min(neighbours, n)
-        centres = min(n, max(8, int(np.ceil(n / per_centre))))
+        centres = min(n, max(8, int(np.ceil(n / per_centre))), MOST)
         # every so many-th sample in a space-filling order: centres as dense as the data, without clumps
         order = _bisection_order(x)
         pick = order[(np.arange(centres) * n) // centres]
@@ -35,6 +37,10 @@ class Patches:
         for part in _chunks(centres, 2000):
             a, rhs = _system(x, y, variance, self.centres[part], self._members[part], self.scale[part])
             self.coefficients[part] = np.linalg.solve(a, rhs)
+        # beyond the data the linear part would run away: no patch says more than its samples and a third of their range
+        lowest, highest = y[self._members].min(1), y[self._members].max(1)
+        self._lowest = lowest - BEYOND * (highest - lowest)
+        self._highest = highest + BEYOND * (highest - lowest)
 
     def __call__(self, q: Array) -> Array:
         """(M, C). Patch by patch, each for all queries that it has a say in: few large products, not many small."""
@@ -56,7 +62,8 @@ class Patches:
             square += np.einsum("nd,nd->n", x, x)
             np.sqrt(np.maximum(square, 0, out=square), out=square)
             c = self.coefficients[p]
-            said[mine] = c[k] + z @ c[k + 1 :] - square @ c[:k].astype(np.float32)
+            value = c[k] + z @ c[k + 1 :] - square @ c[:k].astype(np.float32)
+            said[mine] = np.minimum(np.maximum(value, self._lowest[p]), self._highest[p])
         return (said * weight[:, None]).reshape(len(q), blend, -1).sum(1)
 
 

@@ -42,5 +42,8 @@ class LogRatio:
         return g + K * b + self.floor
 
     def variance(self, g: Array, sigma: Array, b: Array) -> Array:
-        """Of y, (N,): the mean over the channels, which share one spline matrix."""
-        return ((sigma / self.slope(np.maximum(g, 0), b)) ** 2).mean(1)
+        """Of y, (N,): the mean over the channels, which share one spline matrix; a dark channel has little say."""
+        positive = np.maximum(g, 0)
+        slope = self.slope(positive, b)
+        say = positive / slope + 1e-3
+        return (say * (sigma / slope) ** 2).sum(1) / say.sum(1)

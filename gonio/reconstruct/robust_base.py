@@ -83,7 +83,7 @@ class RobustBase:
         from scipy.optimize import nnls
 
         pick = rng.choice(len(g), MOST, replace=False) if len(g) > MOST else np.arange(len(g))
-        columns, weights = dictionary(a)[pick] * supported(a), []
+        columns, weights = dictionary(a.at(pick)) * supported(a), []
         for c in range(g.shape[1]):
             y = np.maximum(g[pick, c], 0) + floor[c]
             energy = y**0.1  # a little more say to what carries energy: the least error of the final result

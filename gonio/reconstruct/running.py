@@ -18,7 +18,7 @@ from gonio.reconstruct.patches import Patches, left_out
 from gonio.reconstruct.samples import Samples
 
 TESTED = 300
-FLOOR = 1e-3
+FLOOR = 0.01
 
 
 class RunningBrdf:
@@ -27,7 +27,7 @@ class RunningBrdf:
     def __init__(self, problem: Problem, stretch: Coordinates, energy_error_estimate: float):
         self.problem, self.stretch, self.energy_error_estimate = problem, stretch, energy_error_estimate
         self._patches = Patches(stretch(problem.angles), problem.y, problem.variance)
-        self._floor = FLOOR * np.maximum(problem.g, 0).mean(0)
+        self._floor = FLOOR * problem.ratio.floor
         self._sampler: HalfGrid | None = None
 
     @property
