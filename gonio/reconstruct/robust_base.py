@@ -80,24 +80,29 @@ class RobustBase:
     @classmethod
     def fit(cls, a: PairAngles, g: Array, floor: Array, rng: np.random.Generator) -> "RobustBase":
         """floor (C,): what is added inside the logarithm, about the smallest g that matters."""
-        from scipy.optimize import nnls
-
         pick = rng.choice(len(g), MOST, replace=False) if len(g) > MOST else np.arange(len(g))
-        columns, weights = dictionary(a.at(pick)) * supported(a), []
-        for c in range(g.shape[1]):
-            y = np.maximum(g[pick, c], 0) + floor[c]
-            energy = y**0.1  # a little more say to what carries energy: the least error of the final result
-            w = energy / (y + 0.1 * np.median(y))
-            x = np.zeros(columns.shape[1])
-            for _ in range(7):
-                x, _ = nnls(columns * w[:, None], (y - floor[c]) * w, maxiter=5000)
-                model = columns @ x + floor[c]
-                log, gap = np.log(model / y), model - y
-                # the weight under which a square is the square of the logarithm, large ones held back (Huber)
-                exact = np.where(np.abs(log) > 1e-4, log / np.where(gap == 0, 1, gap), 1 / y)
-                w = np.sqrt(w * exact * energy / (1 + (log / 0.5) ** 2) ** 0.25)
-            weights.append(x)
-        return cls(np.stack(weights, 1))
+        return cls(log_nnls(dictionary(a.at(pick)) * supported(a), g[pick], floor))
+
+
+def log_nnls(columns: Array, g: Array, floor: Array) -> Array:
+    """Weights >= 0, (K, C), of columns (N, K) under which ln(model + floor) is nearest to ln(g + floor), g (N, C)."""
+    from scipy.optimize import nnls
+
+    weights = []
+    for c in range(g.shape[1]):
+        y = np.maximum(g[:, c], 0) + floor[c]
+        energy = y**0.1  # a little more say to what carries energy: the least error of the final result
+        w = energy / (y + 0.1 * np.median(y))
+        x = np.zeros(columns.shape[1])
+        for _ in range(7):
+            x, _ = nnls(columns * w[:, None], (y - floor[c]) * w, maxiter=5000)
+            model = columns @ x + floor[c]
+            log, gap = np.log(model / y), model - y
+            # the weight under which a square is the square of the logarithm, large ones held back (Huber)
+            exact = np.where(np.abs(log) > 1e-4, log / np.where(gap == 0, 1, gap), 1 / y)
+            w = np.sqrt(w * exact * energy / (1 + (log / 0.5) ** 2) ** 0.25)
+        weights.append(x)
+    return np.stack(weights, 1)
 
 
 def dictionary(a: PairAngles) -> Array:
