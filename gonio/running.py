@@ -31,10 +31,15 @@ class GoodEnough:
                 return f"estimated energy error {progress.energy_error:.3f} (goal {stop.energy_error:g})"
         return None
 
-    def fit_surrogate(self, wi: Array, wo: Array, f: Array) -> Brdf:
+    def fit_surrogate(self, wi: Array, wo: Array, f: Array) -> Brdf | None:
+        """The running reconstruction, None where the samples do not make one (yet)."""
+        from gonio.reconstruct import ReconstructionError
         from gonio.reconstruct.running import fit
 
-        return fit(Samples.of(wi, wo, f), anisotropic=self.anisotropic)
+        try:
+            return fit(Samples.of(wi, wo, f), anisotropic=self.anisotropic)
+        except ReconstructionError:
+            return None
 
     def _energy_error(self) -> float:
         from gonio.reconstruct.running import fit

@@ -11,9 +11,7 @@ import pytest
 
 from gonio.store import Store
 
-KILLS = 30
-MEASUREMENTS = 1500
-SETTINGS = ["--set", f"budget.measurements={MEASUREMENTS}", "--set", "name=kill", "--no-post"]
+SETTINGS = ["--set", "name=kill", "--no-post"]
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +27,10 @@ def truth(tmp_path_factory):
     return path
 
 
-def acquisition(truth, rig):
-    return ["acquire", "chm_orange", "--rig", rig, "--set", f"truth={truth}", *SETTINGS]
+def acquisition(truth, rig, proposal="auto", measurements=200):
+    settings = {"truth": truth, "sampler.proposal": proposal, "budget.measurements": measurements}
+    sets = [word for k, v in settings.items() for word in ("--set", f"{k}={v}")]
+    return ["acquire", "chm_orange", "--rig", rig, *sets, *SETTINGS]
 
 
 def gonio(*args, env=None):
@@ -51,9 +51,11 @@ def contents(folder):
     }
 
 
-@pytest.mark.parametrize(("rig", "kills"), [("ideal", KILLS // 2), ("sim", KILLS // 2)])
-def test_killed_thirty_times_and_nothing_lost(tmp_path, truth, rig, kills):
-    args = acquisition(truth, rig)
+@pytest.mark.parametrize(
+    ("rig", "proposal", "measurements", "kills"), [("ideal", "independence", 20_000, 20), ("sim", "auto", 1200, 10)]
+)
+def test_killed_thirty_times_and_nothing_lost(tmp_path, truth, rig, proposal, measurements, kills):
+    args = acquisition(truth, rig, proposal, measurements)
     whole, torn = tmp_path / "whole", tmp_path / "torn"
     assert run(*args, "--out", whole).returncode == 0
     expected = contents(whole)
@@ -62,7 +64,8 @@ def test_killed_thirty_times_and_nothing_lost(tmp_path, truth, rig, kills):
     command, env = gonio(*args, "--out", torn)
     while killed < kills:
         process = subprocess.Popen(command, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        _wait_for_growth(process, torn, seen, rng)
+        goal = seen + int(rng.integers(1, max(2, (measurements - seen) // (2 * (kills - killed) + 1))))
+        _wait_for(process, torn, goal, rng)
         if process.poll() is not None:
             break  # done before all kills were spent
         process.send_signal(signal.SIGKILL)
@@ -84,9 +87,8 @@ def test_killed_thirty_times_and_nothing_lost(tmp_path, truth, rig, kills):
         assert np.array_equal(got[k], expected[k], equal_nan=expected[k].dtype.kind == "f"), k
 
 
-def _wait_for_growth(process, folder, seen, rng):
-    """Until something new is stored, then a random moment more."""
-    goal = seen + int(rng.integers(1, 2 * MEASUREMENTS // KILLS))
+def _wait_for(process, folder, goal, rng):
+    """Until so many measurements are stored, then a random moment more."""
     while process.poll() is None:
         try:
             with Store.open(folder, write=False) as store:
@@ -102,7 +104,7 @@ def test_killed_before_the_first_measurement(tmp_path, truth):
     """A folder with nothing measured in it is gone on with like any other."""
     from gonio.store import Store as S
 
-    args = [*acquisition(truth, "ideal"), "--set", "budget.measurements=200"]
+    args = acquisition(truth, "ideal")
     assert run(*args, "--out", tmp_path / "a").returncode == 0
     text = (tmp_path / "a" / "config.yaml").read_text()
     S.create(tmp_path / "b", text, {}).close()
@@ -113,7 +115,7 @@ def test_killed_before_the_first_measurement(tmp_path, truth):
 
 def test_ctrl_c_once_stores_and_exits_130(tmp_path, truth):
     folder = tmp_path / "r"
-    command, env = gonio(*acquisition(truth, "ideal"), "--set", "budget.measurements=1000000", "--out", folder)
+    command, env = gonio(*acquisition(truth, "ideal", "independence", 10**6), "--out", folder)
     process = subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     while not (tmp_path / "r" / "run.sqlite").exists():
         time.sleep(0.01)

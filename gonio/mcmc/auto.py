@@ -4,15 +4,21 @@ A pilot of about a hundred measurements gives the first mixture; it is refitted 
 with its importance weight, all but the points where a chain now sits (METHOD 8). The fit is a maximum of weighted
 likelihood over the *shares* of a fixed dictionary of lobes: a convex problem, solved by EM from any start, so that no
 start decides where it ends. Cosine and uniform lobes keep a share: the weight stays bounded.
+
+Lobes cannot follow every material (a flake coat, a film whose peak is off theta_h = 0). From a few hundred measurements
+on the running reconstruction thins the mixture's draws (gonio.mcmc.proposals.screened) and screens the local moves
+(delayed acceptance): what it knows to be hopeless or already well covered is settled without moving the rig.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from gonio.geometry import Array
-from gonio.mcmc.proposals.independence import ELEVATIONS, Dictionary, Independence, Mixture
+from gonio.mcmc.proposals.independence import ELEVATIONS, Dictionary, Mixture
 from gonio.mcmc.proposals.pss_ndf import PssNdf
+from gonio.mcmc.proposals.screened import ScreenedIndependence, choose
 from gonio.mcmc.target import Target
 
 DEFENSIVE = 0.025  # of the cosine and of the uniform lobe, each
@@ -20,6 +26,9 @@ PRIOR = 8.0  # effective samples that the even prior on the shares is worth
 LOCAL_STEPS = 2  # after each block
 ENOUGH = 150  # draws from which on the pilot's coarse quadrature is left out
 MAX_FIT = 6000  # draws used for one fit
+FIRST_SURROGATE = 150  # measurements before the first surrogate; then at every doubling
+HELD_OUT = 4  # every fourth measurement is kept from the surrogate, to judge it by
+FLOOR = 0.02  # of the median of f, added to the surrogate: what it wrongly holds for black is still visited
 
 
 def isotropic_dictionary() -> Dictionary:
@@ -34,49 +43,84 @@ def anisotropic_dictionary() -> Dictionary:
 
 
 class Auto:
-    """Blocks of `block` independence draws, then a few local moves; see the module's text."""
+    """Blocks of `block` independence draws, then a few local moves; see the module's text.
 
-    screen = None
+    fit_surrogate(wi, wo, f) -> Brdf makes the running reconstruction; without it the mixture is drawn from as it is.
+    """
 
-    def __init__(self, *, block: int, anisotropic: bool, adapt: bool = True):
-        self.learns, self.adapt, self.fits = True, adapt, 0
+    learns = True
+
+    def __init__(self, *, block: int, anisotropic: bool, adapt: bool = True, fit_surrogate: Callable | None = None):
+        self.adapt, self.fits, self.fit_surrogate = adapt, 0, fit_surrogate
         self.dictionary = anisotropic_dictionary() if anisotropic else isotropic_dictionary()
         self.shares = np.full((len(ELEVATIONS), self.dictionary.lobes), 1 / self.dictionary.size)
-        self.independence = Independence(Mixture(self.dictionary, self.shares))
+        self.independence = ScreenedIndependence(Mixture(self.dictionary, self.shares))
         self.local = PssNdf(0.1, anisotropic=anisotropic, sigma=0.1, global_share=0.0)
         self.kernels = [(self.independence, block), *[(self.local, 1)] * LOCAL_STEPS]
+        self.screen: Callable[[Array, Array], Array] | None = None
+        self._seen: tuple[Array, ...] | None = None
+        self._next_surrogate = FIRST_SURROGATE
 
     def learn(self, target: Target, wi: Array, wo: Array, f: Array, log_q: Array) -> None:
-        """Refit shares, albedos and floor from draws of known density."""
+        """Refit shares, albedos, floor and surrogate."""
         if self.fits and not self.adapt:
             return
         known = np.flatnonzero(np.isfinite(log_q))
         if self.fits and len(known) > ENOUGH + 110:
             known = known[110:]  # the pilot came first
         known = known[-MAX_FIT:]
-        wi, wo, f, log_q = wi[known], wo[known], f[known], log_q[known]
-        if not (f > 0).any():
+        if not (f[known] > 0).any():
             return
-        target.rescale(f, wo[:, 2], log_q)
-        log_w = target.log_prob(f, wo[:, 2]) - log_q
-        self.shares = fit_shares(self.dictionary, wi, wo, log_w)
+        target.rescale(f[known], wo[known, 2], log_q[known])
+        log_w = target.log_prob(f[known], wo[known, 2]) - log_q[known]
+        self.shares = fit_shares(self.dictionary, wi[known], wo[known], log_w)
         self.fits += 1
-        self._use(self.shares)
+        if self.fit_surrogate is not None and len(f) >= self._next_surrogate:
+            self._next_surrogate = 2 * len(f)
+            self._seen = (wi, wo, f, log_q)
+            self._fit_screen()
+        self._use(target)
 
-    def _use(self, shares: Array) -> None:
-        self.independence.density = Mixture(self.dictionary, shares)
-        lobes = shares[:, :-2].sum(0)
+    def _fit_screen(self) -> None:
+        assert self._seen is not None and self.fit_surrogate is not None
+        wi, wo, f, _ = self._seen
+        learnt = np.arange(len(f)) % HELD_OUT > 0
+        brdf = self.fit_surrogate(wi[learnt], wo[learnt], f[learnt])
+        floor = FLOOR * np.median(np.maximum(f, 0), axis=0) + 1e-12
+        self.screen = None if brdf is None else lambda wi, wo: brdf.eval(wi, wo) + floor
+
+    def _use(self, target: Target) -> None:
+        mixture = Mixture(self.dictionary, self.shares)
+        self.independence.density, self.independence.screened = mixture, None
+        if (screen := self.screen) is not None and self._seen is not None:
+            frozen = target.copy()
+            wi, wo, f, log_q = self._seen
+            unseen = (np.arange(len(f)) % HELD_OUT == 0) & np.isfinite(log_q)
+            self.independence.screened = choose(
+                mixture,
+                lambda wi, wo: frozen.log_prob(screen(wi, wo), wo[:, 2]),
+                wi[unseen],
+                wo[unseen],
+                target.log_prob(f[unseen], wo[unseen, 2]),
+                log_q[unseen],
+            )
+        lobes = self.shares[:, :-2].sum(0)
         if lobes.sum() > 0:
             k = np.searchsorted(np.cumsum(lobes) / lobes.sum(), 0.5)
             self.local.alpha = float(np.sqrt(self.dictionary.alpha_x[k] * self.dictionary.alpha_y[k]))
 
     def state(self) -> dict[str, Any]:
-        return {"shares": self.shares.copy(), "fits": self.fits}
+        seen = None if self._seen is None else dict(zip(("wi", "wo", "f", "log_q"), self._seen))
+        return {"shares": self.shares.copy(), "fits": self.fits, "next": self._next_surrogate, "seen": seen}
 
-    def restore(self, state: dict[str, Any]) -> None:
-        self.shares, self.fits = np.array(state["shares"]), int(state["fits"])
+    def restore(self, state: dict[str, Any], target: Target) -> None:
+        self.shares, self.fits, self._next_surrogate = np.array(state["shares"]), int(state["fits"]), int(state["next"])
+        if state["seen"] is not None:
+            seen = state["seen"]
+            self._seen = tuple(np.array(seen[k]) for k in ("wi", "wo", "f", "log_q"))
+            self._fit_screen()
         if self.fits:
-            self._use(self.shares)
+            self._use(target)
 
 
 def fit_shares(dictionary: Dictionary, wi: Array, wo: Array, log_w: Array) -> Array:

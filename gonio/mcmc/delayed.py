@@ -36,12 +36,12 @@ class Delayed:
         assert self.fit_surrogate is not None  # nothing learnt or restored without one
         brdf = self.fit_surrogate(wi, wo, f)
         floor = FLOOR * np.median(np.maximum(f, 0), axis=0) + 1e-12
-        self.screen = lambda a, b: brdf.eval(a, b) + floor
+        self.screen = None if brdf is None else lambda a, b: brdf.eval(a, b) + floor
 
     def state(self) -> dict[str, Any]:
         return {} if self._data is None else dict(zip(("wi", "wo", "f"), self._data))
 
-    def restore(self, state: dict[str, Any]) -> None:
+    def restore(self, state: dict[str, Any], target: Target) -> None:
         if state:
             self._data = (np.array(state["wi"]), np.array(state["wo"]), np.array(state["f"]))
             self._fit(*self._data)

@@ -32,7 +32,7 @@ class Fixed:
     def state(self) -> dict[str, Any]:
         return {}
 
-    def restore(self, state: dict[str, Any]) -> None:
+    def restore(self, state: dict[str, Any], target: Target) -> None:
         """Nothing to restore."""
 
 
@@ -63,7 +63,7 @@ def make_plan(c: SamplerConfig, anisotropic: bool, fit_surrogate: Callable | Non
     if c.proposal == "auto":
         from gonio.mcmc.auto import Auto
 
-        return Auto(block=c.block, anisotropic=anisotropic, adapt=c.adapt)
+        return Auto(block=c.block, anisotropic=anisotropic, adapt=c.adapt, fit_surrogate=fit_surrogate)
     if c.proposal == "delayed":
         from gonio.mcmc.delayed import Delayed
 

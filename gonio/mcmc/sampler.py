@@ -19,13 +19,13 @@ from gonio.mcmc.chains import Chains
 from gonio.mcmc.draws import Draws
 from gonio.mcmc.history import History
 from gonio.mcmc.pilot import pilot_directions
-from gonio.mcmc.proposals import LOCAL, PILOT
+from gonio.mcmc.proposals import INDEPENDENCE, LOCAL, PILOT
 from gonio.mcmc.round import Round
 from gonio.mcmc.steps import StepLog, Steps
 from gonio.mcmc.target import Target
 
 MAX_FREE_ROUNDS = 10_000
-COUNTERS = ("step", "rounds", "next_id", "next_learn", "free_rounds", "unmeasured_in_a_row", "kernel")
+COUNTERS = ("step", "row", "rounds", "next_id", "next_learn", "free_rounds", "unmeasured_in_a_row", "kernel")
 TINY = 1e-300
 
 
@@ -62,6 +62,7 @@ class Sampler:
         self.history = History(channels) if plan.learns else None
         self.log = StepLog(chains)
         self.step = 0  # steps of the rounds closed so far, the same for every chain
+        self.row = 0  # rows of random numbers used
         self.rounds = self.next_id = self.next_learn = self.free_rounds = self.unmeasured_in_a_row = 0
         self.kernel = -1  # which of the plan's kernels the chains' coordinates belong to
         self._round: Round | None = None
@@ -117,7 +118,7 @@ class Sampler:
         if self.history is not None:
             self.history.restore(state["history"])
         self.target.restore(state["target"])
-        self.plan.restore(state["plan"])
+        self.plan.restore(state["plan"], self.target)
 
     # ---- rounds
 
@@ -137,15 +138,23 @@ class Sampler:
         if k != self.kernel:
             self.chains.enter(proposal)
             self.kernel = k
-        uniform, normal = self.draws.rows(self.step, block)
-        u, kind = self._propose(proposal, block, uniform[:, 2:], normal)
-        wi, wo, log_j = proposal.place(u)
-        alive, log_s = self._alive(wi, wo), None
+        uniform, normal = self.draws.rows(self.row, block)
+        self.row += block
         coins = np.log(uniform[:, :2] + TINY)
-        if self.plan.screen is not None and block == 1:
-            alive, log_s = self._screen(wi, wo, log_j, alive, coins[0, 0])
+        if hasattr(proposal, "draw_block"):
+            u, wi, wo, log_j = proposal.draw_block(uniform[:, 2 : 2 + proposal.uniforms])
+            kind, block = np.full(len(wi), INDEPENDENCE, np.int8), len(wi) // self.count
+            alive, log_s = self._alive(wi, wo), None
+        else:
+            u, kind = self._propose(proposal, uniform[0, 2 : 2 + proposal.uniforms], normal[0, : proposal.normals])
+            wi, wo, log_j = proposal.place(u)
+            alive, log_s = self._alive(wi, wo), None
+            if self.plan.screen is not None:
+                alive, log_s = self._screen(wi, wo, log_j, alive, coins[0, 0])
         self.rounds += 1
         r = Round.of(u, wi, wo, log_j, kind, coins[:, 1], alive, log_s=log_s, **self._sizes(block))
+        if block == 0:  # no chain-long row of draws was kept: as if it had never been drawn
+            return
         self._open(r)
         self.free_rounds = self.free_rounds + 1 if r.unanswered == 0 else 0
         if self.free_rounds > MAX_FREE_ROUNDS:
@@ -171,19 +180,14 @@ class Sampler:
         self.chains.reweigh(self.target)
         self.kernel = -1  # densities changed: the states' weights are computed anew
 
-    def _propose(self, proposal, block: int, uniform: Array, normal: Array) -> tuple[Array, Array]:
-        u_in, z = uniform[0, : proposal.uniforms], normal[0, : proposal.normals]
-        if block > 1:
-            n = block * self.count
-            u_in = uniform[:, : proposal.uniforms].transpose(1, 0, 2).reshape(proposal.uniforms, n)
-            z = normal[:, : proposal.normals].transpose(1, 0, 2).reshape(proposal.normals, n)
-        if block > 1 or self.chains.u is None:
-            return proposal.propose(None, u_in, z)
-        u, kind = proposal.propose(self.chains.u, u_in, z)
+    def _propose(self, proposal, uniform: Array, normal: Array) -> tuple[Array, Array]:
+        if self.chains.u is None:
+            return proposal.propose(None, uniform, normal)
+        u, kind = proposal.propose(self.chains.u, uniform, normal)
         if not self._all_started:
             started = self.chains.started
             self._all_started = bool(started.all())
-            fresh, fresh_kind = proposal.propose(None, u_in, z)
+            fresh, fresh_kind = proposal.propose(None, uniform, normal)
             u, kind = np.where(started, u, fresh), np.where(started, kind, fresh_kind)
         return u, kind
 

@@ -39,14 +39,17 @@ class Steps:
 
     @classmethod
     def concatenate(cls, parts: list["Steps"]) -> "Steps":
-        return (
-            cls(*(np.concatenate([getattr(p, k.name) for p in parts]) for k in fields(cls))) if parts else cls.empty()
-        )
+        """All rows, in the order of the parts."""
+        if not parts:
+            return cls.empty()
+        return cls(**{k.name: np.concatenate([getattr(p, k.name) for p in parts]) for k in fields(cls)})
 
     @classmethod
     def empty(cls) -> "Steps":
-        types = (np.int32, np.int64, np.int8, np.int64, bool, float, np.int64, float)
-        return cls(*(np.empty(0, t) for t in types), np.empty((0, 3)), np.empty((0, 3)))
+        chain, step, kind, ids, accepted, log_q, state, log_p = (
+            np.empty(0, t) for t in (np.int32, np.int64, np.int8, np.int64, bool, float, np.int64, float)
+        )
+        return cls(chain, step, kind, ids, accepted, log_q, state, log_p, np.empty((0, 3)), np.empty((0, 3)))
 
 
 class StepLog:

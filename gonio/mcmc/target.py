@@ -57,6 +57,12 @@ class Target:
         mean = (self.scalar(f) @ w) / w.sum()
         self.floor = self.floor_share / (1 - self.floor_share) * mean
 
+    def copy(self) -> "Target":
+        """As it is now; later `rescale`s do not reach it."""
+        other = Target(self.channels, self.power, self.floor_share, len(self.inverse_albedo))
+        other.restore(self.state())
+        return other
+
     def state(self) -> dict:
         return {"inverse_albedo": self.inverse_albedo.copy(), "floor": self.floor}
 

@@ -11,10 +11,13 @@ A proposal works in coordinates `u` of its own, (n, chains). It offers
     log_jacobian(u)              log |d(wi, wo) / du|, solid angles (isotropic: up to a constant)
     place(u)                     -> wi, wo, log_jacobian, at the price of one
 
-so that a move is accepted with min(1, W(u_new) / W(u)), W = p(wi, wo) |d(wi, wo) / du| (METHOD 2). An independence
-proposal draws u_new afresh from a density q(wi, wo); its coordinates are the directions themselves and its
-`log_jacobian` is -log q: the same formula then is the ratio of importance weights.
-`kind` (N,) says for the log what each move was: LOCAL, GLOBAL, INDEPENDENCE.
+so that a move is accepted with min(1, W(u_new) / W(u)), W = p(wi, wo) |d(wi, wo) / du| (METHOD 2). A proposal that
+does not depend on where the chain is offers, instead of `propose` and `place`,
+
+    draw_block(uniform)          -> u, wi, wo, log_jacobian of up to `block` steps of all chains
+
+Its coordinates are the directions themselves and its `log_jacobian` is -log q: the same formula then is the ratio of
+importance weights. `kind` (N,) says for the log what each move was.
 """
 
 LOCAL, GLOBAL, INDEPENDENCE, PILOT = 0, 1, 2, 3

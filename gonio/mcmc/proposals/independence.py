@@ -13,7 +13,6 @@ import numpy as np
 from gonio.brdf.ndf import GgxNdf
 from gonio.geometry import Array, reflect
 from gonio.mcmc.lobes import log_vndf
-from gonio.mcmc.proposals import INDEPENDENCE
 
 PI = np.pi
 # densities of mu = cos theta_i on (0, 1) and the inverses of their cumulatives
@@ -101,31 +100,36 @@ class Mixture:
 
 
 class Independence:
-    """Draws from `density`, anything with log_prob(wi, wo) and sample(uniform)."""
+    """Blocks of draws from a density that does not depend on the chains' states."""
 
     uniforms, normals = 5, 0
 
     def __init__(self, density: Mixture):
         self.density = density
 
-    def propose(self, u: Array | None, uniform: Array, normal: Array) -> tuple[Array, Array]:
-        wi, wo = self.density.sample(uniform)
-        return np.concatenate([wi.T, wo.T]), np.full(len(wi), INDEPENDENCE, np.int8)
-
-    def place(self, u: Array) -> tuple[Array, Array, Array]:
-        return *self.to_directions(u), self.log_jacobian(u)
-
-    def to_directions(self, u: Array) -> tuple[Array, Array]:
-        return u[:3].T.copy(), u[3:].T.copy()
+    def draw_block(self, uniform: Array) -> tuple[Array, Array, Array, Array]:
+        """u, wi, wo, log_jacobian of block x chains draws, from uniform (block, uniforms, chains)."""
+        wi, wo = self.density.sample(side_by_side(uniform))
+        u = np.concatenate([wi.T, wo.T])
+        return u, wi, wo, self.log_jacobian(u)
 
     def from_directions(self, wi: Array, wo: Array) -> Array:
         return np.concatenate([wi.T, wo.T])
 
+    def to_directions(self, u: Array) -> tuple[Array, Array]:
+        return u[:3].T, u[3:].T
+
     def log_jacobian(self, u: Array) -> Array:
+        """-log q: the weight of a state then is its importance weight."""
         out = np.full(u.shape[1], -np.inf)
         above = (u[2] > 0) & (u[5] > 0)
         out[above] = -self.density.log_prob(u[:3, above].T, u[3:, above].T)
         return out
+
+
+def side_by_side(uniform: Array) -> Array:
+    """(block, k, chains) -> (k, block x chains), the draws of one step of all chains next to each other."""
+    return uniform.transpose(1, 0, 2).reshape(uniform.shape[1], -1)
 
 
 def single_lobe(alpha_x: float, alpha_y: float) -> Mixture:
