@@ -45,5 +45,5 @@ class LogRatio:
         """Of y, (N,): the mean over the channels, which share one spline matrix; a dark channel has little say."""
         positive = np.maximum(g, 0)
         slope = self.slope(positive, b)
-        say = positive / slope + 1e-3
+        say = positive / slope + 1e-6
         return (say * (sigma / slope) ** 2).sum(1) / say.sum(1)
