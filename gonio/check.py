@@ -20,15 +20,12 @@ def plan_text(material: Material, rig: RigConfig) -> str:
     wi, wo = _random_pairs(np.random.default_rng(0), PAIRS)
     reachable = envelope.reachable(wi, wo)
     chosen = np.flatnonzero(reachable)[:TOUR]
+    dimensions = 3 if isotropic else 4
+    nothing = "none: the rig is real" if rig.depth == "real" else "missing, and this rig needs one"
+    sample = f"{material.name}, {material.symmetry}: {dimensions} dimensions, {len(material.channels)} channels"
     lines = [
-        (
-            "material",
-            f"{material.name}, {material.symmetry}: {3 if isotropic else 4} dimensions, {len(material.channels)} channels",
-        ),
-        (
-            "truth",
-            material.truth or ("none: the rig is real" if rig.depth == "real" else "missing, and this rig needs one"),
-        ),
+        ("material", sample),
+        ("truth", material.truth or nothing),
         ("chain", f"{c.chains} x {c.proposal}, seed {material.seed}"),
         ("target", f"channels {target.channels}, power {target.power:g}, floor {target.floor:.0%} of the draws"),
         ("rig", f"{rig.name} ({rig.depth}), {rig.kinematics.kind}, stay-out {rig.stay_out_deg:g} deg"),
@@ -36,19 +33,12 @@ def plan_text(material: Material, rig: RigConfig) -> str:
     ]
     if len(chosen):
         each = _seconds(envelope, rig, material, wi[chosen], wo[chosen])
-        lines.append(
-            (
-                "a measurement",
-                f"{each:.2f} s: motion {each - rig.settle_s - rig.exposure_s:.2f}, settle {rig.settle_s:g}, exposure {rig.exposure_s:g}",
-            )
-        )
-        if material.budget.measurements is not None:
-            hours = each * material.budget.measurements / 3600
+        motion = each - rig.settle_s - rig.exposure_s
+        parts = f"motion {motion:.2f}, settle {rig.settle_s:g}, exposure {rig.exposure_s:g}"
+        lines.append(("a measurement", f"{each:.2f} s: {parts}"))
+        if (n := material.budget.measurements) is not None:
             lines.append(
-                (
-                    "rig time",
-                    f"about {hours:.1f} h for {material.budget.measurements} measurements, if directions were cosine-distributed",
-                )
+                ("rig time", f"about {each * n / 3600:.1f} h for {n} measurements of cosine-distributed pairs")
             )
     if material.budget.rig_hours is not None:
         lines.append(("ends after", f"{material.budget.rig_hours:g} rig hours at most"))

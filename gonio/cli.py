@@ -6,10 +6,9 @@ Exit codes: 0 done · 1 bug · 2 usage or config · 3 hardware fault · 4 safety
 
 import sys
 
-import click
 import typer
 
-from gonio.commands import acquisition, materials, products
+from gonio.commands import acquisition, materials, products, studies
 
 app = typer.Typer(
     name="gonio",
@@ -19,7 +18,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-for group in (acquisition, products):
+for group in (acquisition, products, studies):
     group.register(app)
 app.add_typer(materials.app, name="materials")
 
@@ -28,13 +27,10 @@ def main() -> None:
     """Entry point. A user's mistake never prints a traceback; a bug does, and exits with 1."""
     try:
         code = app(standalone_mode=False)
-    except click.exceptions.Exit as e:
+    except typer.Exit as e:
         code = e.exit_code
-    except click.exceptions.Abort:
+    except typer.Abort:
         code = 130
-    except click.ClickException as e:
-        e.show()
-        code = e.exit_code
     except KeyboardInterrupt:
         code = 130
     except BrokenPipeError:
@@ -43,7 +39,9 @@ def main() -> None:
         code = getattr(e, "exit_code", None)
         if code is None:
             raise
-        if str(e):
+        if hasattr(e, "show"):  # a mistake in the command's own words: usage and a hint
+            e.show()
+        elif str(e):
             print(f"gonio: {e}", file=sys.stderr)
     sys.exit(code or 0)
 
