@@ -70,4 +70,3 @@ def evaluate(brdf: Brdf, truth: Brdf, n: int = 4000, seed: int = 7) -> dict[str,
         "bright_max": float(np.max(bright)),
         "log": float(np.mean(log)),
     }
-
