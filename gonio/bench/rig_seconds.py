@@ -1,32 +1,33 @@
 """What each saving of motion is worth: the same measurements driven with the switches of `plan` on and off.
 
-    python -m gonio.bench.rig_seconds [MATERIAL] [--measurements N] [--set sampler.block=512]
+    gonio bench rig
 
 The measurements are those that the material's own sampler asks for on the rig's reachable set, batch by batch. They are
 driven by the simulated rig of depth `devices` as its YAML has it, noise included; `energy` is the energy error of the
 default reconstruction from what was read, so that a saving that costs accuracy shows.
 """
 
-import argparse
-import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
+from gonio.bench.drive import surrogate, truth_of
 from gonio.brdf import Brdf
 from gonio.config import Material, load_config
+from gonio.config.find import find_config
+from gonio.config.loader import Section
 from gonio.config.plan import PlanConfig
 from gonio.config.rig import RigConfig
 from gonio.evaluate import evaluate
 from gonio.geometry import Array
-from gonio.load import load_brdf
 from gonio.mcmc import make_sampler
 from gonio.reconstruct import Samples, reconstruct
 from gonio.rigs import open_rig
 
 Batches = list[tuple[Array, Array]]
-ROOT = Path(__file__).resolve().parents[2]
 
 # one switch after the other, each on top of those before it
 STAIRS: tuple[tuple[str, dict], ...] = (
@@ -40,7 +41,7 @@ STAIRS: tuple[tuple[str, dict], ...] = (
 
 def asked(material: Material, truth: Brdf, rig: RigConfig) -> Batches:
     """What the material's sampler asks for, batch by batch, when it is told the truth without noise."""
-    sampler = make_sampler(material, open_rig(rig, truth, 0).reachable)
+    sampler = make_sampler(material, open_rig(rig, truth, 0).reachable, surrogate)
     batches, n, most = [], 0, material.budget.measurements or 10_000
     while n < most:
         batch = sampler.ask()
@@ -68,29 +69,36 @@ def drive(
     return spent, Samples.of(**{k: a[good] for k, a in parts.items()})
 
 
-def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(prog="python -m gonio.bench.rig_seconds")
-    parser.add_argument("material", nargs="?", default="chm_orange")
-    parser.add_argument("--measurements", type=int, default=10_000)
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
-    options = parser.parse_args(argv)
-    path = ROOT / "configs/materials" / f"{options.material}.yaml"
-    material = load_config(path, Material, [f"budget.measurements={options.measurements}", *options.set])
-    rig = load_config(ROOT / "configs/rigs/sim.yaml", RigConfig)
-    truth = load_brdf(material.truth or material.name)
+class Config(Section):
+    """Materials, measurements of each, and the sizes of block that `auto` hands out."""
+
+    study: Literal["rig"]
+    materials: tuple[str, ...]
+    measurements: int = 10_000
+    blocks: tuple[int, ...] = (64,)
+    rig: str = "sim"
+
+
+def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
+    rig = load_config(find_config(config.rig, "rigs"), RigConfig)
+    for name in config.materials:
+        for block in config.blocks:
+            sets = [f"budget.measurements={config.measurements}", f"sampler.block={block}"]
+            material = load_config(find_config(name, "materials"), Material, sets)
+            _stairs(material, rig, say)
+
+
+def _stairs(material: Material, rig: RigConfig, say: Callable[[str], None]) -> None:
+    truth = truth_of(material.truth or material.name)
     batches = asked(material, truth, rig)
-    print(f"{options.material}: {options.measurements} measurements in {len(batches)} batches, rig {rig.name}")
-    print(f"{'':36}{'rig h':>8}{'s each':>8}{'fewer':>8}{'energy':>8}{'CPU s':>8}")
+    n, isotropic = sum(len(wi) for wi, _ in batches), material.symmetry == "isotropic"
+    say(f"{material.name}: {n} measurements, blocks of {material.sampler.block}, rig {rig.name}")
+    say(f"{'':36}{'rig h':>8}{'s each':>8}{'fewer':>8}{'energy':>8}{'CPU s':>8}")
     before = None
     for name, switches in STAIRS:
         began = time.process_time()
-        spent, samples = drive(batches, truth, rig, PlanConfig(**switches), material.symmetry == "isotropic")
+        spent, samples = drive(batches, truth, rig, PlanConfig(**switches), isotropic)
         cpu = time.process_time() - began
         before = before or spent
-        energy = evaluate(reconstruct(samples, anisotropic=material.symmetry == "anisotropic"), truth)["energy_median"]
-        each = spent / options.measurements
-        print(f"{name:36}{spent / 3600:8.2f}{each:8.3f}{before / spent:7.2f}x{energy:8.3f}{cpu:8.1f}", flush=True)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+        energy = evaluate(reconstruct(samples, anisotropic=not isotropic), truth)["energy_median"]
+        say(f"{name:36}{spent / 3600:8.2f}{spent / n:8.3f}{before / spent:7.2f}x{energy:8.3f}{cpu:8.1f}")

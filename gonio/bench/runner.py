@@ -18,7 +18,7 @@ STUDIES = {
     "reconstruction": "gonio.bench.reconstruction",
     "thesis": "gonio.bench.thesis_table",
     "rig": "gonio.bench.rig_seconds",
-    "flow": "gonio.bench.flow",
+    "picture": "gonio.bench.picture",
 }
 
 
