@@ -23,10 +23,10 @@ class GoodEnough:
         if (stop.energy_error is None and stop.ess is None) or progress.measured < self._next:
             return None
         self._next = int(1.25 * progress.measured) + 1
-        if stop.ess is not None and (ess := self._effective_samples()) >= stop.ess:
+        if stop.ess is not None and (ess := self.effective_samples()) >= stop.ess:
             return f"{ess:.0f} effective samples (goal {stop.ess:g})"
         if stop.energy_error is not None:
-            progress.energy_error = self._energy_error()
+            progress.energy_error = self.energy_error()
             if progress.energy_error <= stop.energy_error:
                 return f"estimated energy error {progress.energy_error:.3f} (goal {stop.energy_error:g})"
         return None
@@ -41,13 +41,15 @@ class GoodEnough:
         except ReconstructionError:
             return None
 
-    def _energy_error(self) -> float:
+    def energy_error(self) -> float:
+        """Estimated share of reflected energy misplaced, from all measured so far. Raises ReconstructionError."""
         from gonio.reconstruct.running import fit
         from gonio.run import load_samples
 
         return float(fit(load_samples(self.store), anisotropic=self.anisotropic).energy_error_estimate)
 
-    def _effective_samples(self) -> float:
+    def effective_samples(self) -> float:
+        """The smallest ESS of theta_h, theta_d and |phi_d| over the chains together."""
         from gonio.mcmc.diagnostics import ess_bulk
 
         m, steps = self.store.measured(), self.store.steps()
