@@ -1,4 +1,4 @@
-"""The same samples, several reconstructions: truth, each model, and what is wrong with it, as shaded spheres."""
+"""Truth and reconstructions of it as shaded spheres, each from the samples of a chain; how wrong each one is."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -13,12 +13,19 @@ from gonio.reconstruct import Samples, reconstruct
 from gonio.render.shade import psnr, render_sphere, to_srgb
 
 
+class Column(Section):
+    """One sphere: which chain measured, which model reconstructed."""
+
+    title: str
+    model: str
+    sampler: dict | str
+
+
 class Config(Section):
     study: Literal["picture"]
     material: str
     measurements: int = 10_000
-    models: tuple[str, ...] = ("thesis", "auto")
-    sampler: dict | str = {"proposal": "auto"}
+    columns: tuple[Column, ...]
     size: int = 256
     spp: int = 64
     seed: int = 1
@@ -27,20 +34,18 @@ class Config(Section):
 def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
     from matplotlib.figure import Figure
 
-    truth = truth_of(config.material)
-    n = config.measurements
-    d = drive(truth, config.sampler, n, seed=config.seed)
-    samples = Samples.of(d.wi[:n], d.wo[:n], d.f[:n])
+    truth, n = truth_of(config.material), config.measurements
     reference = render_sphere(truth, config.size, config.spp)
-    figure = Figure(figsize=(3.2 * (len(config.models) + 1), 3.4), layout="constrained")
-    axes = figure.subplots(1, len(config.models) + 1)
+    figure = Figure(figsize=(3.2 * (len(config.columns) + 1), 3.4), layout="constrained")
+    axes = figure.subplots(1, len(config.columns) + 1)
     _show(axes[0], reference, f"{config.material}: truth")
-    for axis, model in zip(axes[1:], config.models):
-        brdf = reconstruct(samples, model)
+    for axis, column in zip(axes[1:], config.columns):
+        d = drive(truth, column.sampler, n, seed=config.seed)
+        brdf = reconstruct(Samples.of(d.wi[:n], d.wo[:n], d.f[:n]), column.model)
         image = render_sphere(brdf, config.size, config.spp, sampler=truth)
-        figures, quality = evaluate(brdf, truth), psnr(image, reference)
-        say(f"{model:8} energy_mean {figures['energy_mean']:.3f}  PSNR {quality:.1f} dB")
-        _show(axis, image, f"{model}: energy error {figures['energy_mean']:.3f}, {quality:.0f} dB")
+        error, quality = evaluate(brdf, truth)["energy_mean"], psnr(image, reference)
+        say(f"{column.title:32} energy_mean {error:.3f}  PSNR {quality:.1f} dB")
+        _show(axis, image, f"{column.title}\nenergy error {error:.3f}, {quality:.0f} dB")
     path = out / f"{config.material}.png"
     figure.savefig(path, dpi=110)
     say(f"picture {path}")
