@@ -1,0 +1,82 @@
+"""Registers of Dynamixel X-series servos as data.
+
+XM430: emanual.robotis.com/docs/en/dxl/x/xm430-w350 (and -w210), XL430: .../x/xl430-w250, XH430: .../x/xh430-w350;
+section "Control Table of EEPROM Area" and "... of RAM Area" of each. Addresses are common to all of them.
+"""
+
+from typing import NamedTuple
+
+
+class Register(NamedTuple):
+    """address, bytes, and whether the number is signed. Below 64: EEPROM, writable with the torque off only."""
+
+    address: int
+    size: int
+    signed: bool = False
+
+
+MODEL = Register(0, 2)
+FIRMWARE = Register(6, 1)
+RETURN_DELAY = Register(9, 1)  # 2 us units
+DRIVE_MODE = Register(10, 1)
+OPERATING_MODE = Register(11, 1)
+HOMING_OFFSET = Register(20, 4, True)
+TEMPERATURE_LIMIT = Register(31, 1)
+MAX_VOLTAGE = Register(32, 2)  # 0.1 V
+MIN_VOLTAGE = Register(34, 2)
+VELOCITY_LIMIT = Register(44, 4)
+MAX_POSITION = Register(48, 4)
+MIN_POSITION = Register(52, 4)
+SHUTDOWN = Register(63, 1)
+TORQUE = Register(64, 1)
+STATUS_RETURN = Register(68, 1)
+HARDWARE_ERROR = Register(70, 1)
+POSITION_I_GAIN = Register(82, 2)
+WATCHDOG = Register(98, 1)  # 20 ms units, reads TRIPPED after a trip
+PROFILE_ACCELERATION = Register(108, 4)
+PROFILE_VELOCITY = Register(112, 4)
+GOAL = Register(116, 4, True)
+MOVING = Register(122, 1)
+PRESENT_VELOCITY = Register(128, 4, True)
+PRESENT_POSITION = Register(132, 4, True)
+VOLTAGE = Register(144, 2)
+TEMPERATURE = Register(146, 1)
+
+POLL = Register(70, 77)  # hardware error ... temperature: all that a poll looks at, in one read
+MOVE = Register(108, 12)  # acceleration, velocity, goal: all that starts a move, in one write
+
+TRIPPED = 255
+POSITION_MODE = 3
+COUNTS = 4096  # per turn
+ZERO = 2048  # where a joint stands at 0
+VELOCITY_UNIT_DEG_S = 1.374
+ACCELERATION_UNIT_DEG_S2 = 21.46
+WATCHDOG_UNIT_S = 0.02
+I_GAIN = 100  # the default of 0 lets a loaded servo rest some counts short of its goal
+SHUTDOWN_MASK = 0b110100  # overheat, shock, overload; voltage is told but does not let the arms fall
+
+MODELS = {"XM430-W350": 1020, "XM430-W210": 1030, "XL430-W250": 1060, "XH430-W350": 1000}
+
+# bit of HARDWARE_ERROR -> what it means, what to do
+HARDWARE_ERRORS = {
+    0: ("supply voltage out of range", "check the supply and its plugs"),
+    2: ("overheated", "let it cool down and look for what makes it work so hard"),
+    3: ("motor encoder failed", "replace the servo"),
+    4: ("electrical shock or too little power", "check supply and cables"),
+    5: ("overload", "free the joint, look for a collision or too heavy an arm"),
+}
+# low bits of a status packet's error byte
+STATUS_ERRORS = {
+    1: "could not process the instruction",
+    2: "does not know the instruction",
+    3: "received a damaged packet",
+    4: "value out of range",
+    5: "wrong data length",
+    6: "value beyond its limits",
+    7: "register is read-only now",
+}
+
+
+def units(value: float, unit: float) -> int:
+    """value in whole units, at least 1: 0 would mean unlimited."""
+    return max(1, round(value / unit))

@@ -1,0 +1,165 @@
+"""Pseudo-terminals that can be unplugged, served by one thread, and what may go wrong on them."""
+
+import contextlib
+import heapq
+import itertools
+import os
+import select
+import threading
+import time
+import tty
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+
+class Device(Protocol):
+    """What sits at the far end of a line."""
+
+    def receive(self, data: bytes) -> list[bytes]:
+        """Bytes from the host; packets to answer with."""
+        ...
+
+
+@dataclass
+class Wire:
+    """Share of packets that go wrong, each in its own way; late replies come after `late_s` seconds."""
+
+    lost_byte: float = 0.0
+    flipped_bit: float = 0.0
+    lost_packet: float = 0.0
+    late: float = 0.0
+    late_s: float = 0.045
+    seed: int = 0
+    count: int = 0
+    rng: np.random.Generator = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.rng = np.random.default_rng(self.seed)
+
+    @property
+    def clean(self) -> bool:
+        return not (self.lost_byte or self.flipped_bit or self.lost_packet or self.late)
+
+    def carry(self, packet: bytes) -> tuple[bytes, float]:
+        """What arrives of a packet, and after how many seconds."""
+        if self.clean or not packet:
+            return packet, 0.0
+        u = self.rng.random()
+        for share, kind in ((self.lost_byte, "byte"), (self.flipped_bit, "bit"), (self.lost_packet, "packet")):
+            if u < share:
+                self.count += 1
+                k = int(self.rng.integers(len(packet)))
+                if kind == "byte":
+                    return packet[:k] + packet[k + 1 :], 0.0
+                if kind == "packet":
+                    return b"", 0.0
+                return packet[:k] + bytes([packet[k] ^ 1 << int(self.rng.integers(8))]) + packet[k + 1 :], 0.0
+            u -= share
+        if u < self.late:
+            self.count += 1
+            return packet, self.late_s
+        return packet, 0.0
+
+
+class Line:
+    """One pseudo-terminal; the host opens `path`, a symbolic link that follows a replug."""
+
+    def __init__(self, path: Path, device: Device):
+        self.path, self.device = path, device
+        self.wire = Wire()
+        self.fds: tuple[int, int] | None = None
+        self.plug()
+
+    def plug(self) -> None:
+        host, slave = os.openpty()
+        tty.setraw(slave)
+        os.set_blocking(host, False)
+        self.fds = host, slave
+        self.path.unlink(missing_ok=True)
+        self.path.symlink_to(os.ttyname(slave))
+
+    def unplug(self) -> None:
+        fds, self.fds = self.fds, None
+        self.path.unlink(missing_ok=True)
+        for fd in fds or ():
+            os.close(fd)
+
+
+class Server(threading.Thread):
+    """Serves lines until `close`."""
+
+    def __init__(self, lines: list[Line]):
+        super().__init__(daemon=True, name="wire")
+        self.lines = lines
+        self.lock = threading.RLock()
+        self._wake = os.pipe()
+        self._closed = False
+        self._late: list[tuple[float, int, Line, bytes]] = []
+        self._order = itertools.count()
+        self.start()
+
+    def run(self) -> None:
+        while not self._closed:
+            ports = {line.fds[0]: line for line in self.lines if line.fds}
+            left = max(0.0, self._late[0][0] - time.monotonic()) if self._late else None
+            try:
+                ready = select.select([self._wake[0], *ports], [], [], left)[0]
+            except (OSError, ValueError):
+                continue  # unplugged meanwhile
+            with self.lock:
+                self._send_late()
+                for fd in ready:
+                    if fd == self._wake[0]:
+                        os.read(fd, 64)
+                    elif (line := ports[fd]).fds:
+                        self._serve(line)
+
+    def _serve(self, line: Line) -> None:
+        assert line.fds
+        try:
+            data = os.read(line.fds[0], 4096)
+        except OSError:
+            return
+        data, _ = line.wire.carry(data)
+        for reply in line.device.receive(data) if data else ():
+            packet, delay = line.wire.carry(reply)
+            if delay:
+                heapq.heappush(self._late, (time.monotonic() + delay, next(self._order), line, packet))
+            else:
+                self._write(line, packet)
+
+    def _send_late(self) -> None:
+        while self._late and self._late[0][0] <= time.monotonic():
+            *_, line, packet = heapq.heappop(self._late)
+            self._write(line, packet)
+
+    def _write(self, line: Line, packet: bytes) -> None:
+        if line.fds and packet:
+            with contextlib.suppress(OSError):
+                os.write(line.fds[0], packet)
+
+    def unplug(self, line: Line) -> None:
+        with self.lock:
+            line.unplug()
+        self._poke()
+
+    def plug(self, line: Line) -> None:
+        with self.lock:
+            line.plug()
+        self._poke()
+
+    def close(self) -> None:
+        self._closed = True
+        self._poke()
+        self.join(timeout=5)
+        for line in self.lines:
+            line.unplug()
+        for fd in self._wake:
+            os.close(fd)
+
+    def _poke(self) -> None:
+        with contextlib.suppress(OSError):
+            os.write(self._wake[1], b"x")

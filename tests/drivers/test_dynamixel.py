@@ -1,0 +1,238 @@
+"""The stage of servos on an emulated bus: it configures, arrives, stops, refuses, and names what fails."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from drivers.dynamixel import tables as t
+from drivers.dynamixel.bus import Bus
+from drivers.dynamixel.stage import COUNT, DynamixelStage
+from gonio.config import load_config
+from gonio.config.rig import RigConfig
+from gonio.rig.build import axes_of
+from gonio.rig.clock import ScaledClock
+from gonio.rig.errors import DeviceFault, SafetyStop
+from sim.wire.line import Line, Server
+from sim.wire.servo import Servo
+from sim.wire.servo_bus import ServoBus
+from tests.conftest import ROOT
+
+WIRE = load_config(ROOT / "configs/rigs/wire.yaml", RigConfig)
+AXES = axes_of(WIRE)
+IDS = {a.name: k for k, a in enumerate(AXES, 1)}
+SCALE = 2000.0
+
+
+class Bench:
+    """Four emulated servos, and the driver on their port."""
+
+    def __init__(self, folder, scale=SCALE, **kwargs):
+        self.clock = ScaledClock(scale)
+        self.servos = {k: Servo(k, self.clock) for k in IDS.values()}
+        self.bus = ServoBus(self.servos)
+        self.line = Line(folder / "bus", self.bus)
+        self.server = Server([self.line])
+        names = {v: k for k, v in IDS.items()}
+        driver = Bus(str(self.line.path), 1_000_000, names)
+        self.stage = DynamixelStage(
+            driver, AXES, IDS, "XM430-W350", np.zeros(4), self.clock, poll_s=0.02 * scale, **kwargs
+        )
+
+    def close(self):
+        self.stage.close()
+        self.server.close()
+
+
+@pytest.fixture
+def bench(tmp_path):
+    bench = Bench(tmp_path)
+    bench.stage.connect()
+    yield bench
+    bench.close()
+
+
+def pose(*counts):
+    return np.array(counts) * COUNT
+
+
+def test_configured_and_read_back(bench):
+    for joint in bench.stage.joints:
+        s = bench.servos[joint.id]
+        assert (s.get(9), s.get(11), s.get(52), s.get(48)) == (0, 3, joint.lower, joint.upper)
+        assert s.get(64) == 1 and s.get(98) == 25 and s.get(82) == t.I_GAIN and s.get(112) == 44
+    bench.stage.home()
+    assert bench.stage.homed
+
+
+def test_arrives_on_the_count(bench):
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        goal = pose(*rng.integers(-900, 900, 4))
+        np.testing.assert_array_equal(bench.stage.move(goal, 20.0), goal)
+        np.testing.assert_allclose(np.radians([s.true_angle_deg() for s in bench.servos.values()]), goal, atol=1e-9)
+
+
+def test_all_axes_start_and_stop_together(tmp_path):
+    """A straight line, as far as whole units of speed allow: 2 degrees off it at most for ways of these lengths."""
+    bench = Bench(tmp_path, scale=1.0)
+    try:
+        bench.stage.connect()
+        bench.servos[1].clock = bench.servos[2].clock = clock = ScaledClock(1.0)
+        states = bench.stage.states()
+        data = bench.stage._profile(states, {1: 2048 + 900, 2: 2048 - 450, 3: 2048, 4: 2048 + 225})
+        for k in (1, 2, 4):
+            bench.servos[k].clock = clock
+            bench.servos[k].write(108, data[k])
+        seconds = [bench.servos[k]._seconds() for k in (1, 2, 4)]
+        assert max(seconds) / min(seconds) < 1.25
+    finally:
+        bench.close()
+
+
+@pytest.mark.parametrize("bad", [pose(1200, 0, 0, 0), pose(0, 2048, 0, 0), np.array([0, np.nan, 0, 0])])
+def test_never_beyond_limits(bench, bad):
+    with pytest.raises(SafetyStop, match="outside its limits"):
+        bench.stage.move(bad, 10.0)
+    assert all(s.position(bench.clock.now()) == 2048 for s in bench.servos.values())
+
+
+def test_wrong_model_says_expected_and_found(tmp_path):
+    bench = Bench(tmp_path)
+    bench.servos[3].put(0, 1060)
+    with pytest.raises(DeviceFault, match=r"detector: servo 3 should be XM430-W350 \(model 1020\) and is XL430-W250"):
+        bench.stage.connect()
+    bench.close()
+
+
+def test_absent_servo_is_named(tmp_path):
+    bench = Bench(tmp_path)
+    bench.bus.deaf.add(2)
+    with pytest.raises(DeviceFault, match=r"turntable \(id 2\): no answer on the bus; check its cable"):
+        bench.stage.connect()
+    bench.close()
+
+
+@pytest.mark.parametrize(("bit", "cause"), [(5, "overload"), (2, "overheated"), (0, "supply voltage")])
+def test_hardware_faults_are_named(bench, bit, cause):
+    bench.servos[3].fail(bit)
+    with pytest.raises(DeviceFault, match=f"detector: {cause}.*--reboot detector"):
+        bench.stage.move(pose(50, 50, 50, 50), 10.0)
+
+
+@pytest.mark.parametrize(("after", "torque"), [("hold", 1), ("release", 0)])
+def test_torque_after_a_fault_is_as_the_config_says(tmp_path, after, torque):
+    bench = Bench(tmp_path, after_fault=after)
+    bench.stage.connect()
+    bench.servos[3].fail(5)
+    with pytest.raises(DeviceFault):
+        bench.stage.move(pose(50, 50, 50, 50), 10.0)
+    assert [bench.servos[k].get(64) for k in (1, 2, 4)] == [torque] * 3
+    bench.close()
+
+
+def test_reboot_writes_everything_again(bench):
+    bench.servos[3].fail(5)
+    with pytest.raises(DeviceFault):
+        bench.stage.home()
+    bench.stage.reboot("detector")
+    s = bench.servos[3]
+    assert s.get(64) == 1 and s.get(98) == 25 and s.get(82) == t.I_GAIN and s.get(112) == 44
+    np.testing.assert_array_equal(bench.stage.move(pose(5, 5, 5, 5), 10.0), pose(5, 5, 5, 5))
+
+
+def test_a_dip_of_the_supply_is_noticed(bench):
+    bench.servos[1].power_on()
+    with pytest.raises(DeviceFault, match="light: lost its settings: its supply dipped"):
+        bench.stage.move(pose(50, 50, 50, 50), 10.0)
+
+
+def test_stuck_and_short(bench):
+    bench.servos[4].troubles.stuck = True
+    with pytest.raises(DeviceFault, match="azimuth: stopped 17.6 degrees short"):
+        bench.stage.move(pose(0, 0, 0, 200), 20.0)
+    bench.servos[4].troubles.stuck = False
+    bench.servos[4].troubles.droop = 10
+    np.testing.assert_array_equal(bench.stage.move(pose(0, 0, 0, 200), 20.0), pose(0, 0, 0, 190))
+
+
+def test_a_blocked_joint_runs_out_of_time(bench):
+    bench.servos[1].put(44, 1)  # creeps
+    with pytest.raises(DeviceFault, match="light: not there after 3.0 s"):
+        bench.stage.move(pose(900, 0, 0, 0), 3.0)
+
+
+def test_a_tripped_watchdog_is_armed_again(bench):
+    for s in bench.servos.values():
+        s._fed -= 10
+    np.testing.assert_array_equal(bench.stage.move(pose(9, 9, 9, 9), 10.0), pose(9, 9, 9, 9))
+    assert bench.servos[1].get(98) == 25
+
+
+def test_a_host_that_dies_stops_the_servos(tmp_path):
+    bench = Bench(tmp_path, scale=1.0, watchdog_s=0.04)
+    bench.stage.connect()
+    bench.stage._start({1: 3000, 2: 2048, 3: 2048, 4: 2048})
+    time.sleep(0.3)
+    bench.servos[1].feed()
+    assert bench.servos[1].get(98) == 255
+    at = bench.servos[1].position(bench.clock.now())
+    assert at < 2048 + 20 and bench.servos[1].position(bench.clock.now() + 100) == at
+    bench.close()
+
+
+def test_a_stop_is_obeyed_within_a_tenth_of_a_second(tmp_path):
+    bench = Bench(tmp_path, scale=1.0)
+    bench.stage.poll_s = 0.02
+    bench.stage.connect()
+    took = []
+
+    def stop():
+        time.sleep(0.25)
+        began = time.monotonic()
+        bench.stage.stop()
+        took.append(time.monotonic() - began)
+
+    thread = threading.Thread(target=stop)
+    thread.start()
+    at = bench.stage.move(pose(900, 0, 0, 0), 20.0)
+    thread.join()
+    assert 0 < at[0] < 0.5 and took[0] < 0.1
+    here = [s.position(bench.clock.now() + 1) for s in bench.servos.values()]
+    assert here == [s.position(bench.clock.now() + 100) for s in bench.servos.values()]
+    np.testing.assert_array_equal(bench.stage.move(pose(0, 0, 0, 0), 20.0), bench.stage.pose())  # not until allowed
+    bench.stage.allow()
+    bench.close()
+
+
+def test_two_programs_cannot_have_one_port(bench):
+    other = Bus(str(bench.line.path), 1_000_000, {})
+    stage = DynamixelStage(other, AXES, IDS, "XM430-W350", np.zeros(4), bench.clock)
+    with pytest.raises(DeviceFault, match="in use by another program"):
+        stage.connect()
+
+
+def test_port_gone_and_back_in_a_move(tmp_path):
+    bench = Bench(tmp_path, scale=1.0)
+    bench.stage.connect()
+    bench.stage.poll_s = 0.02
+
+    def replug():
+        time.sleep(0.1)
+        bench.server.unplug(bench.line)
+        time.sleep(0.2)
+        bench.server.plug(bench.line)
+
+    thread = threading.Thread(target=replug)
+    thread.start()
+    np.testing.assert_array_equal(bench.stage.move(pose(200, 0, 0, 0), 20.0), pose(200, 0, 0, 0))
+    thread.join()
+    bench.close()
+
+
+def test_port_gone_for_good(bench):
+    bench.stage.grace_s = 0.05
+    bench.server.unplug(bench.line)
+    with pytest.raises(DeviceFault, match="gone; plug in its USB cable"):
+        bench.stage.move(pose(1, 0, 0, 0), 10.0)
