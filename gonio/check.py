@@ -52,7 +52,7 @@ def _seconds(envelope, rig: RigConfig, material: Material, wi: Array, wo: Array)
     """Mean rig seconds of a measurement over tours of such pairs, as the run would plan them."""
     planner = Planner(envelope, material.plan, material.symmetry == "isotropic")
     block = material.sampler.chains * (
-        material.sampler.block if material.sampler.proposal in ("auto", "independence", "flow") else 1
+        material.sampler.block if material.sampler.proposal in ("auto", "independence") else 1
     )
     pose, total = park_pose(rig), 0.0
     for begin in range(0, len(wi), block):

@@ -71,7 +71,7 @@ def export_run(folder: Path, format: str, out: Path | None = None) -> Path:
     raise ConfigError(f"--format {format}: not one of {', '.join([*BRDF_FORMATS, *SAMPLE_FORMATS])}")
 
 
-def make_report(folder: Path, figures: str | None = None) -> Path:
+def make_report(folder: Path) -> Path:
     """report.html, self-contained."""
     from gonio.render.report import write_report
 

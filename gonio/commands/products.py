@@ -16,7 +16,7 @@ def register(app: typer.Typer) -> None:
 def reconstruct(
     run: RunFolder,
     model: Annotated[
-        str | None, typer.Option(help="auto, thesis, ggx, lobes, abc, flow [default: the config's]")
+        str | None, typer.Option(help="auto, thesis, ggx, lobes, abc [default: the config's]")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="where to save it [default: brdf.npz in the run]")] = None,
 ) -> None:
@@ -56,11 +56,8 @@ def export(
     typer.echo(export_run(run, format, out))
 
 
-def report(
-    run: RunFolder,
-    figures: Annotated[str | None, typer.Option(help="`thesis`: its figures 5.1-6.7 on this run")] = None,
-) -> None:
+def report(run: RunFolder) -> None:
     """Write report.html: samples, slices beside the truth, acceptance, a shaded sphere."""
     from gonio.products import make_report
 
-    typer.echo(make_report(run, figures))
+    typer.echo(make_report(run))

@@ -30,7 +30,7 @@ class Target(Section):
 class SamplerConfig(Section):
     """Which proposal drives the chains, and its numbers. `sampler: thesis` is the 2024 thesis's own setting."""
 
-    proposal: Plain | Literal["auto", "flow", "delayed"] = "auto"
+    proposal: Plain | Literal["auto", "delayed"] = "auto"
     inner: Plain = Field("pss_simple", description="the proposal that `delayed` acceptance stands around")
     chains: int = Field(1, ge=1, le=100_000)
     sigma: float = Field(0.05, gt=0, le=1, description="local step, per coordinate of the unit cube")
@@ -40,7 +40,7 @@ class SamplerConfig(Section):
     alpha: float = Field(0.1, ge=1e-4, le=1, description="GGX roughness of pss_vndf and independence")
     alpha_y: float | None = Field(None, ge=1e-4, le=1, description="second roughness, anisotropic samples")
     block: int = Field(64, ge=1, le=4096, description="independence proposals handed out at once")
-    adapt: bool = Field(True, description="refit the proposal while sampling (auto, flow)")
+    adapt: bool = Field(True, description="refit the proposal while sampling (auto)")
     target: Target = Target()
 
 
@@ -66,7 +66,7 @@ class Stop(Section):
 
 
 class Reconstruct(Section):
-    model: Literal["auto", "thesis", "ggx", "lobes", "abc", "flow"] = "auto"
+    model: Literal["auto", "thesis", "ggx", "lobes", "abc"] = "auto"
 
 
 class Material(Section):

@@ -68,10 +68,6 @@ def make_plan(c: SamplerConfig, anisotropic: bool, fit_surrogate: Callable | Non
         from gonio.mcmc.delayed import Delayed
 
         return Delayed(plain_proposal(c.inner, c, anisotropic), fit_surrogate)
-    if c.proposal == "flow":
-        from gonio.mcmc.proposals.flow import flow_plan
-
-        return flow_plan(c, anisotropic)
     return Fixed(plain_proposal(c.proposal, c, anisotropic), c.block if c.proposal == "independence" else 1)
 
 

@@ -15,7 +15,6 @@ MODELS = {
     "lobes": "gonio.reconstruct.lobes",
     "abc": "gonio.reconstruct.abc",
     "thesis": "gonio.reconstruct.thesis",
-    "flow": "gonio.reconstruct.flow",
 }
 
 
