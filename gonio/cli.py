@@ -8,7 +8,7 @@ import sys
 
 import typer
 
-from gonio.commands import acquisition, materials, products, studies
+from gonio.commands import acquisition, calibrate, materials, owner, products, rig, studies
 
 app = typer.Typer(
     name="gonio",
@@ -18,8 +18,9 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-for group in (acquisition, products, studies):
+for group in (acquisition, products, rig, owner, studies):
     group.register(app)
+app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(materials.app, name="materials")
 
 

@@ -10,6 +10,9 @@ RigOption = Annotated[str, typer.Option("--rig", help="a rig's YAML, or the name
 SetOption = Annotated[
     list[str], typer.Option("--set", metavar="KEY=VALUE", help="override any key, e.g. budget.measurements=500")
 ]
+DaemonOption = Annotated[
+    bool | None, typer.Option("--daemon/--no-daemon", help="through the rig's daemon [default: where one runs]")
+]
 RunFolder = Annotated[Path, typer.Argument(help="a run folder")]
 
 
@@ -26,25 +29,42 @@ def acquire(
     seed: Annotated[int | None, typer.Option(help="seed of the chains (and of simulated noise)")] = None,
     set_: SetOption = [],  # noqa: B006 - typer reads the default, nothing changes it
     post: Annotated[bool, typer.Option(help="make the BRDF, its .bsdf and the report when done")] = True,
+    daemon: DaemonOption = None,
 ) -> None:
     """Measure a material: drive the rig by the chain, store every reading, make the BRDF and the report."""
+    from gonio.commands import through
+    from gonio.daemon.place import hold_hardware
     from gonio.run import start
 
     material, rig_config = _configs(config, rig, set_, seed)
-    run = start(material, rig_config, out)
-    typer.echo(f"run   {run.store.folder}")
-    _drive(run, post)
+    if (client := through.daemon_of(rig_config.name, daemon)) is not None:
+        through.refuse_rig_keys(set_)
+        _products(through.acquire(client, material, out), post)
+        return
+    with hold_hardware(rig_config):
+        run = start(material, rig_config, out)
+        typer.echo(f"run   {run.store.folder}")
+        _drive(run, post)
 
 
 def resume(
     run: RunFolder,
     set_: SetOption = [],  # noqa: B006
     post: Annotated[bool, typer.Option(help="make the BRDF, its .bsdf and the report when done")] = True,
+    daemon: DaemonOption = None,
 ) -> None:
     """Go on with an interrupted run: the very chain an uninterrupted one would have been."""
+    from gonio.commands import through
+    from gonio.daemon.place import hold_hardware
+    from gonio.run import read_config
     from gonio.run import resume as reopen
 
-    _drive(reopen(run, tuple(set_)), post)
+    rig_config = read_config(run).rig
+    if (client := through.daemon_of(rig_config.name, daemon)) is not None:
+        _products(through.resume(client, run, set_), post)
+        return
+    with hold_hardware(rig_config):
+        _drive(reopen(run, tuple(set_)), post)
 
 
 def check(
@@ -90,8 +110,12 @@ def _drive(run, post: bool) -> None:
     finally:
         run.close()
     typer.echo(f"ended {reason}")
+    _products(run.store.folder, post)
+
+
+def _products(folder: Path, post: bool) -> None:
     if post:
         from gonio.products import make_products
 
-        for made in make_products(run.store.folder):
+        for made in make_products(folder):
             typer.echo(made)

@@ -1,0 +1,73 @@
+"""acquire and resume through the rig's daemon: the same lines on the terminal, the rig in another process."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import typer
+
+from gonio.config import ConfigError, Material
+
+
+def daemon_of(rig: str, wanted: bool | None):
+    """The daemon's client, None to do without. Raises ConfigError where one was asked for and none runs."""
+    from gonio.daemon.client import find
+
+    client = None if wanted is False else find(rig)
+    if wanted and client is None:
+        raise ConfigError(f"no daemon runs for rig {rig}; start one with `gonio daemon --rig {rig}`")
+    return client
+
+
+def refuse_rig_keys(overrides: list[str]) -> None:
+    if theirs := [o for o in overrides if o.startswith("rig.")]:
+        raise ConfigError(f"--set {theirs[0]}: the daemon has its own rig config; end it first, or use --no-daemon")
+
+
+def acquire(client, material: Material, out: Path | None) -> Path:
+    """The finished run's folder."""
+    runs = Path(client.state()["runs"])
+    body: dict[str, Any] = {"material": material.model_dump(mode="json")}
+    if out is not None:
+        from gonio.daemon.inside import relative
+
+        body["run"] = relative(runs, out)
+    return _watch(client, client.post("/jobs/acquire", body)["job"])
+
+
+def resume(client, run: Path, overrides: list[str]) -> Path:
+    """As `acquire`; a run of this daemon's that is paused goes on."""
+    from gonio.daemon.inside import relative
+
+    state = client.state()
+    job = state["job"] or {}
+    if job.get("run") == str(run.resolve()) and job["ended"] is None and state["state"] == "paused":
+        client.post("/continue")
+        return _watch(client, job["id"])
+    name = relative(Path(state["runs"]), run)
+    return _watch(client, client.post("/jobs/resume", {"run": name, "set": overrides})["job"])
+
+
+def _watch(client, job: int) -> Path:
+    from gonio.commands.interrupt import Interrupt
+    from gonio.commands.progress import ProgressLine
+
+    entry = client.state()["job"]
+    folder = Path(entry["run"])
+    typer.echo(f"run   {folder}  (by the daemon of rig {client.rig})")
+    if entry.get("truth"):
+        typer.echo(f"truth {entry['truth']}")
+    try:
+        with Interrupt() as interrupt, ProgressLine() as line:
+            done = client.wait(job, lambda state: _show(line, state), interrupt)
+    except Exception as e:
+        if getattr(e, "exit_code", None) in (3, 4, 130):
+            typer.echo(f"all that was measured is stored; `gonio resume {folder}` goes on", err=True)
+        raise
+    typer.echo(f"ended {done['result']['reason']}")
+    return folder
+
+
+def _show(line, state: dict[str, Any]) -> None:
+    if (p := state["job"].get("progress")) is not None:
+        line.update(SimpleNamespace(**p, eta_s=lambda: p["wall_left_s"]))

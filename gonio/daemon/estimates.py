@@ -1,0 +1,79 @@
+"""Effective samples and error estimate of a run under way, worked out beside it: by another process, of low priority,
+that reads the run's file. Nothing it does, slowness included, reaches the rig.
+"""
+
+import json
+import math
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+from gonio.daemon.board import Board
+
+FIRST, GROWTH = 100, 1.25  # measurements; between two estimates
+PAUSE_S = 1.0
+
+
+class Estimator:
+    """Puts `estimate: {measured, ess, energy_error}` on the board's job, on a growing schedule and once at the end."""
+
+    def __init__(self, folder: Path, board: Board):
+        self._folder, self._board = folder, board
+        self._job = board.state()["job"]["id"]
+        self._closed = threading.Event()
+        threading.Thread(target=self._loop, name="estimates", daemon=True).start()
+
+    def close(self) -> None:
+        """The run has ended."""
+        self._closed.set()
+
+    def _loop(self) -> None:
+        due = FIRST
+        over = False
+        while not over:
+            over = self._closed.wait(PAUSE_S)
+            job = self._board.state()["job"] or {}
+            if job.get("id") != self._job:
+                return
+            measured = (job.get("progress") or {}).get("measured", 0)
+            if measured >= due or (over and measured >= FIRST):
+                due = int(GROWTH * measured) + 1
+                if (found := self._ask()) is not None:
+                    self._board.job_of(self._job, estimate={"measured": measured, **found})
+
+    def _ask(self) -> dict[str, Any] | None:
+        env = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        command = [sys.executable, "-m", "gonio.daemon.estimates", str(self._folder)]
+        try:
+            done = subprocess.run(command, capture_output=True, env=env, text=True, timeout=300)
+            return json.loads(done.stdout) if done.returncode == 0 else None
+        except (OSError, ValueError, subprocess.TimeoutExpired):
+            return None
+
+
+def estimate(folder: Path) -> dict[str, Any]:
+    """ess and energy_error of a run folder; None for what cannot be said yet."""
+    from gonio.reconstruct import ReconstructionError
+    from gonio.run import read_config
+    from gonio.running import GoodEnough
+    from gonio.store import Store
+
+    with Store.open(folder, write=False) as store:
+        so_far = GoodEnough(read_config(folder).material, store)
+        ess = so_far.effective_samples()
+        try:
+            error = so_far.energy_error()
+        except ReconstructionError:
+            error = math.nan
+    return {
+        "ess": round(ess, 1) if math.isfinite(ess) else None,
+        "energy_error": round(error, 5) if math.isfinite(error) else None,
+    }
+
+
+if __name__ == "__main__":
+    os.nice(10)
+    print(json.dumps(estimate(Path(sys.argv[1]))))
