@@ -37,7 +37,7 @@ class Chart:
 
     t0: float
     periodic = (False, False, False)
-    coarse, refine = (96, 64, 40), (3, 2, 2)
+    coarse, refine = (128, 64, 40), (2, 2, 2)
     spread = (32, 24, 12)
 
     def __call__(self, a: Angles) -> Array:

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from gonio.geometry import Array
 
-BLEND = 4
+BLEND = 3
 BEYOND = 1 / 3
 MOST = 60_000
 
