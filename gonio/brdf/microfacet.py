@@ -39,15 +39,19 @@ class Microfacet:
 
     def eval(self, wi: Array, wo: Array) -> Array:
         wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
-        out = np.zeros((len(wi), self.channels))
         above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
-        a, b = wi[above], wo[above]
+        if above.all():
+            return self._eval(wi, wo)
+        out = np.zeros((len(wi), self.channels))
+        out[above] = self._eval(wi[above], wo[above])
+        return out
+
+    def _eval(self, a: Array, b: Array) -> Array:
         h = half_vector(a, b)
         c = np.einsum("ni,ni->n", a, h)
         fresnel = schlick(c, self.f0) if self.f0 is not None else conductor(c, self.eta, self.k)
         shape = self.ndf.d(h) / ((1 + self.ndf.smith_lambda(a) + self.ndf.smith_lambda(b)) * 4 * a[:, 2] * b[:, 2])
-        out[above] = self.weight * fresnel * shape[:, None]
-        return out
+        return self.weight * fresnel * shape[:, None]
 
     def sample(self, wi: Array, u: Array) -> tuple[Array, Array]:
         h = self.ndf.sample(wi, u)
