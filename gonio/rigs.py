@@ -1,6 +1,7 @@
 """Opens the rig that a config describes, at the depth it names. The one place that knows both families of devices."""
 
 from importlib import import_module
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from gonio.config.loader import ConfigError
 from gonio.config.plan import PlanConfig
 from gonio.config.rig import RigConfig
 from gonio.rig.devices import Rig
+from gonio.rig.staged import StagedRig
 
 __all__ = ["open_rig"]
 
@@ -42,7 +44,40 @@ def open_rig(
         from sim.rig import open_sim
 
         return open_sim(config, sample, seed, plan, isotropic)
-    return _family(config, "sim.wire.rig").open_wire(config, sample, seed, plan, isotropic)
+    return _open_wire(config, sample, seed, plan, isotropic)
+
+
+class WireRig(StagedRig):
+    """A rig of real drivers whose devices are emulated, in this very process: their state is part of the run's."""
+
+    emulators: Any = None
+
+    def state(self) -> dict[str, Any]:
+        return {**super().state(), "shafts": self.emulators.state()}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        super().restore(state)
+        self.emulators.restore(state["shafts"])
+
+    def close(self) -> None:
+        try:
+            super().close()
+        finally:
+            self.emulators.close()
+
+
+def _open_wire(config: RigConfig, sample, seed: int, plan: PlanConfig, isotropic: bool) -> WireRig:
+    emulators = _family(config, "sim.wire.rig").Emulators(config, sample, seed)
+    try:
+        rig = _family(config, "drivers.rig").assemble(
+            config, emulators.devices, plan, isotropic, emulators.clock,
+            simulated=True, announce=emulators.announce, make=WireRig,
+        )  # fmt: skip
+    except BaseException:
+        emulators.close()
+        raise
+    rig.emulators = emulators
+    return rig
 
 
 def _family(config: RigConfig, module: str):

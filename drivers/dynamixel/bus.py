@@ -9,10 +9,12 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 
-from dynamixel_sdk import COMM_SUCCESS, Protocol2PacketHandler
+from dynamixel_sdk import COMM_SUCCESS
 
-from drivers.dynamixel.port import BAUDS, Port, PortGone, wait_for
+from drivers.dynamixel.handler import PacketHandler
+from drivers.dynamixel.port import BAUDS, Port
 from drivers.dynamixel.tables import STATUS_ERRORS, Register
+from drivers.gone import PortGone, wait_for
 from gonio.rig.errors import DeviceFault
 
 TRIES = 4
@@ -44,7 +46,7 @@ class Bus:
             )
         self.names = dict(names)
         self.port = Port(name, baud)
-        self.packets = Protocol2PacketHandler()
+        self.packets = PacketHandler()
         self.lock = threading.RLock()
         self.failures = 0  # transactions that had to be repeated
         self._dirty = True
@@ -61,7 +63,7 @@ class Bus:
         """After the port has gone: wait for it; whether it came back."""
         with self.lock:
             self.port.close()
-        return wait_for(self.port.port_name, seconds, self.open)
+        return wait_for(seconds, self.open)
 
     def close(self) -> None:
         with self.lock:

@@ -7,34 +7,14 @@ file) becomes PortGone.
 import os
 import select
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import serial
 from dynamixel_sdk import PortHandler
 
-try:
-    from termios import error as TermiosError
-except ImportError:  # pragma: no cover - not a POSIX system
-    TermiosError = OSError  # type: ignore[misc,assignment]
+from drivers.gone import PortGone, TermiosError, gone
 
 BAUDS = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
-
-
-class PortGone(OSError):
-    """The serial port has vanished or cannot be opened."""
-
-
-@contextmanager
-def gone(name: str) -> Iterator[None]:
-    """Turns every way in which a port can be missing into PortGone."""
-    try:
-        yield
-    except PortGone:
-        raise
-    except (OSError, TermiosError, TypeError, ValueError, AttributeError) as e:
-        raise PortGone(f"{name}: {e}") from None
 
 
 class Port(PortHandler):
@@ -43,6 +23,7 @@ class Port(PortHandler):
     def __init__(self, name: str, baud: int):
         super().__init__(name)
         self.baudrate = baud
+        self._buffer = b""
 
     def setupPort(self, cflag_baud: int) -> bool:
         self.close()
@@ -64,6 +45,7 @@ class Port(PortHandler):
             self.ser = None
 
     def clearPort(self) -> None:
+        self._buffer = b""
         with gone(self.port_name):
             self.ser.reset_input_buffer()
 
@@ -73,33 +55,28 @@ class Port(PortHandler):
 
     def readPort(self, length: int) -> bytes:
         """What has come, at most `length` bytes; waits for the first of it until the packet's deadline."""
-        with gone(self.port_name):
+        if not self._buffer:
             left = (self.packet_timeout - self.getTimeSinceStart()) / 1000
-            if length > 0 and left > 0 and not select.select([self.ser.fd], [], [], left)[0]:
-                return b""
-            return bytes(self.ser.read(length))
+            with gone(self.port_name):
+                if not select.select([self.ser.fd], [], [], max(left, 0.0))[0]:
+                    return b""
+                self._buffer = self._read()
+        data, self._buffer = self._buffer[:length], self._buffer[length:]
+        return data
+
+    def _read(self) -> bytes:
+        data = os.read(self.ser.fd, 4096)
+        if not data:
+            raise PortGone(f"{self.port_name}: closed at the other end")
+        return data
 
     def drain(self, quiet_s: float, at_most_s: float = 0.2) -> None:
         """Throw away what comes until nothing has come for quiet_s."""
         end = time.monotonic() + at_most_s
         with gone(self.port_name):
             while time.monotonic() < end and select.select([self.ser.fd], [], [], quiet_s)[0]:
-                if not os.read(self.ser.fd, 4096):
-                    raise PortGone(f"{self.port_name}: closed at the other end")
-            self.ser.reset_input_buffer()
+                self._read()
+        self.clearPort()
 
     def getCurrentTime(self) -> float:
         return time.monotonic() * 1000
-
-
-def wait_for(name: str, seconds: float, opened: Callable[[], None]) -> bool:
-    """Try `opened` until it succeeds or the time is over; whether it did."""
-    end = time.monotonic() + seconds
-    while True:
-        try:
-            opened()
-            return True
-        except PortGone:
-            if time.monotonic() > end:
-                return False
-            time.sleep(0.02)

@@ -7,6 +7,7 @@ read back. A host that dies is noticed by the servos' own watchdogs.
 """
 
 import threading
+import time
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -15,7 +16,7 @@ from drivers.dynamixel import tables as t
 from drivers.dynamixel.bus import Bus, NoAnswer, Refused
 from drivers.dynamixel.configure import Joint, configure, hardware_fault, healthy, put, recognise, watchdog_units
 from drivers.dynamixel.poll import State, decode
-from drivers.dynamixel.port import PortGone
+from drivers.gone import PortGone
 from gonio.geometry import Array
 from gonio.rig.clock import Clock
 from gonio.rig.devices import Axis
@@ -58,7 +59,7 @@ class DynamixelStage:
         self.homed = False
         self._stopped = threading.Event()
         self._moving = False
-        self._heard = -1e9  # when the servos were last spoken to
+        self._rest: tuple[float, list[State]] | None = None  # when the servos were last seen, all at rest
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -141,13 +142,10 @@ class DynamixelStage:
     def _move(self, goals: dict[int, int], deadline: float) -> Array:
         state = self._start(goals)
         begun = self.clock.now()
-        at = np.array([s.position for s in state])
-        want = np.array([goals[i] for i in self.ids])
-        ready = begun + float(move_time((want - at) * COUNT, self.velocity, self.acceleration))
-        still = 0
+        way = np.array([goals[i] - s.position for i, s in zip(self.ids, state)]) * COUNT
+        ready = begun + float(move_time(way, self.velocity, self.acceleration))
+        still, late = 0, False
         while not self._stopped.is_set():
-            late = self.clock.now() > begun + deadline
-            state = self.states()
             self._check(state, goals)
             off = np.array([abs(goals[i] - s.position) for i, s in zip(self.ids, state)])
             moving = np.array([s.moving for s in state])
@@ -162,12 +160,14 @@ class DynamixelStage:
                     name, f"not there after {deadline:.1f} s", "is it blocked? free it, then `gonio home`"
                 )
             self.clock.sleep(min(max(ready - self.clock.now(), 0.1 * self.poll_s), self.poll_s))
+            late = self.clock.now() > begun + deadline  # and a poll after that is to say so
+            state = self.states()
         self._halt()
         return self.pose()
 
     def _start(self, goals: dict[int, int]) -> list[State]:
         """Give the servos their goals and see that they have them. Raises DeviceFault."""
-        present = self.states()
+        present = self._lately() or self.states()
         self._check(present, None)
         self._rearm([j for j, s in zip(self.joints, present) if s.watchdog == t.TRIPPED])
         data = self._profile(present, goals)
@@ -260,6 +260,7 @@ class DynamixelStage:
         try:
             if self.after_fault == "release":
                 self.bus.sync_write(t.TORQUE, {i: b"\0" for i in self.ids})
+                self.states()  # once this is answered, that has been obeyed
             else:
                 self._halt()
         except (DeviceFault, Refused, NoAnswer, OSError):
@@ -272,9 +273,16 @@ class DynamixelStage:
         data, errors = self.bus.sync_read(t.POLL, self.ids)
         return [decode(data[i], errors[i]) for i in self.ids]
 
+    def _lately(self) -> list[State] | None:
+        """The servos as last seen, if they were at rest and that was so lately that no watchdog has tripped since."""
+        rest, self._rest = self._rest, None
+        return rest[1] if rest and time.monotonic() - rest[0] < self.watchdog_s / 4 else None
+
     def pose(self) -> Array:
         try:
-            return self._pose(self.states())
+            state = self.states()
+            self._rest = None if any(s.moving for s in state) else (time.monotonic(), state)
+            return self._pose(state)
         except PortGone as e:
             if not self.bus.reopen(self.grace_s):
                 raise self._gone(e) from None
@@ -299,7 +307,7 @@ class DynamixelStage:
 
     def _gone(self, e: PortGone) -> DeviceFault:
         name = self.bus.port.port_name
-        if "lock" in str(e).lower() or "busy" in str(e).lower():
+        if e.taken:
             return DeviceFault("stage", f"{name} is in use by another program", "stop it; one program drives a rig")
         return DeviceFault("stage", f"{name} is gone", "plug in its USB cable and power, then `gonio resume`")
 

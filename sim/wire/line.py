@@ -16,7 +16,9 @@ import numpy as np
 
 
 class Device(Protocol):
-    """What sits at the far end of a line."""
+    """What sits at the far end of a line. busy_s: machine seconds that it takes for its last answer."""
+
+    busy_s: float
 
     def receive(self, data: bytes) -> list[bytes]:
         """Bytes from the host; packets to answer with."""
@@ -124,12 +126,15 @@ class Server(threading.Thread):
         except OSError:
             return
         data, _ = line.wire.carry(data)
+        at_once = b""
         for reply in line.device.receive(data) if data else ():
             packet, delay = line.wire.carry(reply)
-            if delay:
+            delay += line.device.busy_s
+            if delay > 1e-4:  # less than that is gone already
                 heapq.heappush(self._late, (time.monotonic() + delay, next(self._order), line, packet))
             else:
-                self._write(line, packet)
+                at_once += packet
+        self._write(line, at_once)
 
     def _send_late(self) -> None:
         while self._late and self._late[0][0] <= time.monotonic():

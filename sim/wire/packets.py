@@ -45,7 +45,7 @@ class Parser:
 
     def feed(self, data: bytes) -> list[tuple[int, int, bytes, bool]]:
         self.buffer += data
-        out = []
+        out: list[tuple[int, int, bytes, bool]] = []
         while (at := self.buffer.find(HEADER)) >= 0:
             # a header inside what looked like a packet: the packet before it was cut short
             rest = self.buffer[at:]

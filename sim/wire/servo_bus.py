@@ -8,6 +8,8 @@ from sim.wire.servo import Servo
 class ServoBus:
     """Implements `sim.wire.line.Device`."""
 
+    busy_s = 0.0
+
     def __init__(self, servos: dict[int, Servo]):
         self.servos = servos
         self.deaf: set[int] = set()  # ids whose cable is off

@@ -1,0 +1,80 @@
+"""The emulators of one rig, on pseudo-terminals. The real drivers open `devices` and never know the difference."""
+
+import shutil
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from gonio.config.rig import DevicesConfig, PortConfig, RigConfig, ServoBusConfig
+from gonio.geometry import Array
+from gonio.rig.build import envelope_of, geometry_calibration, park_pose
+from gonio.rig.clock import ScaledClock
+from sim.light import SimLight
+from sim.sample import Sample
+from sim.wire.light import WireLight
+from sim.wire.line import Line, Server
+from sim.wire.photodiode import WirePhotodiode
+from sim.wire.servo import COUNT_DEG, Servo
+from sim.wire.servo_bus import ServoBus
+
+
+class Emulators:
+    """Servos, photodiode and lamp that show `sample`; `devices` says on which ports."""
+
+    def __init__(self, config: RigConfig, sample: Sample, seed: int):
+        self.clock = ScaledClock(config.clock_scale)
+        given = config.devices.stage
+        ids = given.ids if given else {name: k for k, name in enumerate(config.axis_names, 1)}
+        envelope = envelope_of(config, geometry_calibration(config))
+        rest = np.degrees(envelope.snap(park_pose(config)))
+        self.servos = {
+            ids[name]: Servo(ids[name], self.clock, 2048 + at / COUNT_DEG, backlash_deg=config.axes[name].backlash_deg)
+            for name, at in zip(config.axis_names, rest.tolist())
+        }
+        for servo in self.servos.values():
+            servo.troubles.droop = round(config.faults.droop_deg / COUNT_DEG)
+        order = [ids[name] for name in config.axis_names]
+        lamp = SimLight(config.light, self.clock)
+
+        def scene() -> Array:
+            power = lamp.power()
+            if power == 0:
+                return np.zeros(sample.channels)
+            pose = np.radians([self.servos[k].true_angle_deg() for k in order])
+            wi, wo = envelope.kinematics.forward(pose)
+            cosine = wi[2] if config.photodiode.footprint == "overfilled" else wo[2]
+            return np.pi * power * max(cosine, 0.0) * sample.eval(wi[None], wo[None])[0]
+
+        self.photodiode = WirePhotodiode(
+            config.photodiode, scene, sample.channels, config.exposure_s, seed, config.clock_scale
+        )
+        self.bus, self.light = ServoBus(self.servos), WireLight(lamp)
+        self.folder = Path(tempfile.mkdtemp(prefix="gonio-wire-"))
+        devices = {"stage": self.bus, "photodiode": self.photodiode, "light": self.light}
+        self.lines = {name: Line(self.folder / name, device) for name, device in devices.items()}
+        self.server = Server(list(self.lines.values()))
+        port = {name: str(line.path) for name, line in self.lines.items()}
+        self.devices = DevicesConfig(
+            stage=(given or ServoBusConfig(port="-", ids=ids)).model_copy(update={"port": port["stage"]}),
+            photodiode=PortConfig(port=port["photodiode"]),
+            light=PortConfig(port=port["light"]),
+        )
+
+    def announce(self, number: int) -> None:
+        """The measurement that the next readings are for: their noise follows from it."""
+        self.photodiode.announce(number)
+
+    def state(self) -> dict[str, float]:
+        """Where the shafts are: real ones stay there when the host dies."""
+        with self.server.lock:
+            return {str(k): s.position(self.clock.now()) for k, s in self.servos.items()}
+
+    def restore(self, state: dict[str, float]) -> None:
+        with self.server.lock:
+            for k, at in state.items():
+                self.servos[int(k)].hold(at)
+
+    def close(self) -> None:
+        self.server.close()
+        shutil.rmtree(self.folder, ignore_errors=True)
