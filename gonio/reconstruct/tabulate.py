@@ -48,7 +48,9 @@ class TabulatedBrdf:
         for start in range(0, len(wi), CHUNK):
             part = slice(start, start + CHUNK)
             up = (wi[part, 2] > 0) & (wo[part, 2] > 0)
-            if up.any():
+            if up.all():
+                out[part] = self._eval_above(wi[part], wo[part])
+            elif up.any():
                 out[part][up] = self._eval_above(wi[part][up], wo[part][up])
         return out
 
