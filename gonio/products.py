@@ -87,6 +87,20 @@ def make_report(folder: Path) -> Path:
     return path
 
 
+def render_run(folder: Path, truth: str | None, size: int, spp: int) -> list[str]:
+    """render.png and render.json in the run: truth, ours, difference in Mitsuba 3; the lines that say so."""
+    from gonio.brdf.library import find
+    from gonio.render.beside import render_beside
+
+    name = truth or read_config(folder).material.truth
+    ours = gonio.load_brdf(folder)
+    if name is None:
+        return render_beside(ours, None, None, Path(folder), size, spp)
+    found = find(name)
+    table = Path(found.path) if str(found.path).endswith(".bsdf") else None
+    return render_beside(ours, gonio.load_brdf(found.path), table, Path(folder), size, spp)
+
+
 SAMPLE_FORMATS = {
     "csv": ("gonio.export.samples", "write_csv", "samples.csv"),
     "parquet": ("gonio.export.samples", "write_parquet", "samples.parquet"),

@@ -9,15 +9,13 @@ RunFolder = Annotated[Path, typer.Argument(help="a run folder")]
 
 
 def register(app: typer.Typer) -> None:
-    for command in (reconstruct, evaluate, export, report):
+    for command in (reconstruct, evaluate, export, report, render):
         app.command()(command)
 
 
 def reconstruct(
     run: RunFolder,
-    model: Annotated[
-        str | None, typer.Option(help="auto, thesis, ggx, lobes, abc [default: the config's]")
-    ] = None,
+    model: Annotated[str | None, typer.Option(help="auto, thesis, ggx, lobes, abc [default: the config's]")] = None,
     out: Annotated[Path | None, typer.Option(help="where to save it [default: brdf.npz in the run]")] = None,
 ) -> None:
     """Make a BRDF of a run's samples."""
@@ -61,3 +59,16 @@ def report(run: RunFolder) -> None:
     from gonio.products import make_report
 
     typer.echo(make_report(run))
+
+
+def render(
+    run: RunFolder,
+    truth: Annotated[str | None, typer.Option(help="the BRDF to show beside it [default: the run's own truth]")] = None,
+    size: Annotated[int, typer.Option(help="pixels a side")] = 256,
+    spp: Annotated[int, typer.Option(help="samples per pixel")] = 256,
+) -> None:
+    """Render in Mitsuba 3: sphere and preview object, two skies; truth, ours, difference, with image metrics."""
+    from gonio.products import render_run
+
+    for line in render_run(run, truth, size, spp):
+        typer.echo(line)
