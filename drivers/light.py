@@ -1,9 +1,9 @@
 """The lamp: on, off, level, warm-up, interlock.
 
-    *IDN?   -> *IDN? maker,model,serial,firmware
-    OUTP 0|1 -> OUTP 0|1          ERR 10,.. while the interlock is open
-    OUTP?   -> OUTP? 0|1
-    LEV x   -> LEV x              0 ... 1
+*IDN?   -> *IDN? maker,model,serial,firmware
+OUTP 0|1 -> OUTP 0|1          ERR 10,.. while the interlock is open
+OUTP?   -> OUTP? 0|1
+LEV x   -> LEV x              0 ... 1
 """
 
 import time

@@ -44,9 +44,7 @@ class Photodiode:
     target: relative sigma to average down to, None = one reading. Call `connect` first.
     """
 
-    def __init__(
-        self, line: TextLine, config: PhotodiodeConfig, exposure: float, *, target: float | None = None
-    ):
+    def __init__(self, line: TextLine, config: PhotodiodeConfig, exposure: float, *, target: float | None = None):
         self.line, self.config, self.exposure, self.target = line, config, exposure, target
         self.channels = 0
 

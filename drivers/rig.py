@@ -43,7 +43,9 @@ def assemble(
     envelope = envelope_of(config, geometry)
     with ExitStack() as opened:
         detector = Photodiode(
-            TextLine("photodiode", devices.photodiode.port, devices.photodiode.baud), config.photodiode, config.exposure_s
+            TextLine("photodiode", devices.photodiode.port, devices.photodiode.baud),
+            config.photodiode,
+            config.exposure_s,
         )
         opened.callback(detector.close)
         detector.connect()

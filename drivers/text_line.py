@@ -1,6 +1,6 @@
-"""Instruments that speak lines of text: `COMMAND arguments` LF, answered by `text*HH` LF.
+"""Instruments that speak lines of text: `COMMAND arguments*HH` LF, answered by `text*HH` LF.
 
-HH is the exclusive or of all bytes of the text, in hex. Every command has one answer, which repeats the command's
+HH is the exclusive or of all bytes before the star, in hex: no damaged command is obeyed, no damaged answer believed. Every command has one answer, which repeats the command's
 first word and says what was done; an error is `ERR number,text`. Each answer is read before the next command is sent.
 """
 
@@ -70,7 +70,7 @@ class TextLine:
                     word, _, rest = answer.partition(" ")
                     if word == "ERR":
                         code, _, text = rest.partition(",")
-                        if int(code) != -113:  # it did not understand: damaged on the way
+                        if int(code) != -113:  # -113: damaged on the way
                             raise Refused(int(code), text)
                     elif word == send.partition(" ")[0]:
                         return rest
@@ -97,7 +97,7 @@ class TextLine:
                     s.read(4096)
             self._dirty = True  # until the answer is whole
             s.reset_input_buffer()
-            s.write(command.encode() + b"\n")
+            s.write(command.encode() + b"*%02X\n" % checksum(command.encode()))
             end = time.monotonic() + seconds + TIMEOUT_S
             line = b""
             while not line.endswith(b"\n"):

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 
-from dynamixel_sdk import COMM_SUCCESS
+from dynamixel_sdk import COMM_RX_CORRUPT, COMM_SUCCESS
 
 from drivers.dynamixel.handler import PacketHandler
 from drivers.dynamixel.port import BAUDS, Port
@@ -19,13 +19,16 @@ from gonio.rig.errors import DeviceFault
 
 TRIES = 4
 QUIET_S = 0.03  # after a timeout, until the line counts as silent: longer than a USB latency timer of 16 ms
+DAMAGED_S = 0.005  # after a damaged reply: only the rest of it can still come
 ALERT = 0x80
 
 T = TypeVar("T")
 
 
 class NoAnswer(Exception):
-    """A transaction failed on the wire: nothing came, or not what was asked for."""
+    """A transaction failed on the wire: nothing came, or not what was asked for. quiet: seconds until that is over."""
+
+    quiet = QUIET_S
 
 
 class Refused(Exception):
@@ -49,7 +52,7 @@ class Bus:
         self.packets = PacketHandler()
         self.lock = threading.RLock()
         self.failures = 0  # transactions that had to be repeated
-        self._dirty = True
+        self._dirty = QUIET_S  # how long the line must be silent before the next transaction
 
     # ---- the port --------------------------------------------------------------------------------------------------
 
@@ -57,7 +60,7 @@ class Bus:
         """Raises PortGone where it is not there or somebody else has it."""
         with self.lock:
             self.port.openPort()
-            self._dirty = True
+            self._dirty = QUIET_S
 
     def reopen(self, seconds: float) -> bool:
         """After the port has gone: wait for it; whether it came back."""
@@ -158,17 +161,20 @@ class Bus:
                 if not self.port.is_open:
                     raise PortGone(f"{self.port.port_name}: not open")
                 if self._dirty:
-                    self.port.drain(QUIET_S)
-                self._dirty = True  # until it is known to have ended well; an exception may come at any byte
+                    self.port.drain(self._dirty)
+                self._dirty = QUIET_S  # until it is known to have ended well; an exception may come at any byte
                 self.port.is_using = False  # what an interrupted transaction may have left behind
                 try:
                     result = once()
-                    self._dirty = False
+                    self._dirty = 0.0
                     return result
                 except Refused:
-                    self._dirty = servo == 0xFE  # the others' replies are still to come
+                    self._dirty = DAMAGED_S if servo == 0xFE else 0.0  # the others' replies are still to come
                     raise
-                except (NoAnswer, IndexError):
+                except NoAnswer as e:
+                    self._dirty = e.quiet
+                    self.failures += 1
+                except IndexError:
                     self.failures += 1
                 finally:
                     self.port.is_using = False
@@ -194,7 +200,10 @@ class Bus:
         """Parameters and error byte of the next status packet. Raises NoAnswer, Refused."""
         packet, result = self.packets.rxPacket(self.port, False)
         if result != COMM_SUCCESS or packet[4] != servo or packet[7] != 0x55:
-            raise NoAnswer
+            failed = NoAnswer()
+            if result == COMM_RX_CORRUPT and not self.port.timed_out:
+                failed.quiet = DAMAGED_S
+            raise failed
         error = packet[8]
         if error & ~ALERT == 3:  # it says that what it got was damaged
             raise NoAnswer

@@ -78,5 +78,10 @@ class Port(PortHandler):
                 self._read()
         self.clearPort()
 
+    @property
+    def timed_out(self) -> bool:
+        """Whether the last packet was waited for in vain."""
+        return self.packet_timeout == 0
+
     def getCurrentTime(self) -> float:
         return time.monotonic() * 1000

@@ -152,7 +152,7 @@ class DynamixelStage:
             if not moving.any() and (off <= ARRIVED).all():
                 return self._pose(state)
             still = still + 1 if not moving.any() and self.clock.now() >= ready else 0
-            if still >= 3:  # they stand, but not where they should
+            if still >= 3 or (late and not moving.any()):  # they stand, but not where they should
                 return self._short(state, off)
             if late:
                 name = self.joints[int((off + 1e6 * moving).argmax())].name

@@ -4,6 +4,8 @@ from sim.wire import packets
 from sim.wire.packets import BROADCAST, Parser, crc16, status
 from sim.wire.servo import Servo
 
+END = 147  # of the control table
+
 
 class ServoBus:
     """Implements `sim.wire.line.Device`."""
@@ -64,6 +66,8 @@ class ServoBus:
             data = bytes([*s.table[0:2], s.table[6]])
         elif instruction == 0x02:
             address, size = _two(p)
+            if address + size > END:
+                return 4 | s.alert, b""
             data = s.read(address, size)
         elif instruction == 0x03:
             error = s.write(int.from_bytes(p[:2], "little"), p[2:])

@@ -1,4 +1,4 @@
-"""The far end of a text line: cuts bytes into commands, adds the checksum to what is answered."""
+"""The far end of a text line: cuts bytes into commands, checks and makes the sums."""
 
 from collections.abc import Callable
 
@@ -17,11 +17,14 @@ class TextDevice:
     def receive(self, data: bytes) -> list[bytes]:
         self.busy_s = 0.0
         *lines, self._buffer = (self._buffer + data).split(b"\n")
-        answers = [self._obey(line.decode("ascii", "replace")) for line in lines]
+        answers = [self._obey(line) for line in lines]
         return [] if self.silent else [answer.encode() + b"*%02X\n" % _sum(answer.encode()) for answer in answers]
 
-    def _obey(self, line: str) -> str:
-        word, _, arguments = line.strip().partition(" ")
+    def _obey(self, line: bytes) -> str:
+        text, _, total = line.rpartition(b"*")
+        if total != b"%02X" % _sum(text):
+            return UNKNOWN
+        word, _, arguments = text.decode("ascii", "replace").partition(" ")
         command = self.commands.get(word)
         if command is None:
             return UNKNOWN

@@ -8,41 +8,10 @@ import pytest
 
 from drivers.dynamixel import tables as t
 from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.stage import COUNT, DynamixelStage
-from gonio.config import load_config
-from gonio.config.rig import RigConfig
-from gonio.rig.build import axes_of
+from drivers.dynamixel.stage import DynamixelStage
 from gonio.rig.clock import ScaledClock
 from gonio.rig.errors import DeviceFault, SafetyStop
-from sim.wire.line import Line, Server
-from sim.wire.servo import Servo
-from sim.wire.servo_bus import ServoBus
-from tests.conftest import ROOT
-
-WIRE = load_config(ROOT / "configs/rigs/wire.yaml", RigConfig)
-AXES = axes_of(WIRE)
-IDS = {a.name: k for k, a in enumerate(AXES, 1)}
-SCALE = 2000.0
-
-
-class Bench:
-    """Four emulated servos, and the driver on their port."""
-
-    def __init__(self, folder, scale=SCALE, **kwargs):
-        self.clock = ScaledClock(scale)
-        self.servos = {k: Servo(k, self.clock) for k in IDS.values()}
-        self.bus = ServoBus(self.servos)
-        self.line = Line(folder / "bus", self.bus)
-        self.server = Server([self.line])
-        names = {v: k for k, v in IDS.items()}
-        driver = Bus(str(self.line.path), 1_000_000, names)
-        self.stage = DynamixelStage(
-            driver, AXES, IDS, "XM430-W350", np.zeros(4), self.clock, poll_s=0.02 * scale, **kwargs
-        )
-
-    def close(self):
-        self.stage.close()
-        self.server.close()
+from tests.drivers.bench import AXES, IDS, Bench, pose
 
 
 @pytest.fixture
@@ -51,10 +20,6 @@ def bench(tmp_path):
     bench.stage.connect()
     yield bench
     bench.close()
-
-
-def pose(*counts):
-    return np.array(counts) * COUNT
 
 
 def test_configured_and_read_back(bench):
@@ -117,7 +82,7 @@ def test_absent_servo_is_named(tmp_path):
 @pytest.mark.parametrize(("bit", "cause"), [(5, "overload"), (2, "overheated"), (0, "supply voltage")])
 def test_hardware_faults_are_named(bench, bit, cause):
     bench.servos[3].fail(bit)
-    with pytest.raises(DeviceFault, match=f"detector: {cause}.*--reboot detector"):
+    with pytest.raises(DeviceFault, match=rf"detector: {cause}.*--reboot detector"):
         bench.stage.move(pose(50, 50, 50, 50), 10.0)
 
 
@@ -150,7 +115,7 @@ def test_a_dip_of_the_supply_is_noticed(bench):
 
 def test_stuck_and_short(bench):
     bench.servos[4].troubles.stuck = True
-    with pytest.raises(DeviceFault, match="azimuth: stopped 17.6 degrees short"):
+    with pytest.raises(DeviceFault, match=r"azimuth: stopped 17\.6 degrees short"):
         bench.stage.move(pose(0, 0, 0, 200), 20.0)
     bench.servos[4].troubles.stuck = False
     bench.servos[4].troubles.droop = 10
@@ -159,7 +124,7 @@ def test_stuck_and_short(bench):
 
 def test_a_blocked_joint_runs_out_of_time(bench):
     bench.servos[1].put(44, 1)  # creeps
-    with pytest.raises(DeviceFault, match="light: not there after 3.0 s"):
+    with pytest.raises(DeviceFault, match=r"light: not there after 3\.0 s"):
         bench.stage.move(pose(900, 0, 0, 0), 3.0)
 
 
