@@ -50,7 +50,8 @@ def measure(
     phi_o: Phi = 180.0,
     rig: RigOption = "sim",
     truth: Annotated[
-        str | None, typer.Option(help="a simulated rig shows this material [default: a white diffuser]")
+        str | None,
+        typer.Option(help="what a simulated rig shows [default: what lay on it last; at first, a white diffuser]"),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:

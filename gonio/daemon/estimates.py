@@ -23,11 +23,12 @@ class Estimator:
     def __init__(self, folder: Path, board: Board):
         self._folder, self._board = folder, board
         self._job = board.state()["job"]["id"]
-        self._closed = threading.Event()
+        self._closed, self._done = threading.Event(), False
         threading.Thread(target=self._loop, name="estimates", daemon=True).start()
 
-    def close(self) -> None:
-        """The run has ended."""
+    def close(self, *, done: bool) -> None:
+        """The run has ended; only one that is done is worth a last look."""
+        self._done = done
         self._closed.set()
 
     def _loop(self) -> None:
@@ -39,7 +40,7 @@ class Estimator:
             if job.get("id") != self._job:
                 return
             measured = (job.get("progress") or {}).get("measured", 0)
-            if measured >= due or (over and measured >= FIRST):
+            if (measured >= due and not over) or (over and self._done and measured >= FIRST):
                 due = int(GROWTH * measured) + 1
                 if (found := self._ask()) is not None:
                     self._board.job_of(self._job, estimate={"measured": measured, **found})

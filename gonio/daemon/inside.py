@@ -32,6 +32,8 @@ def truth_name(runs: Path, truth: str) -> str:
     lexical = os.path.normpath(os.path.join(base, truth)) if "\0" not in truth else ""
     if not lexical.startswith(base + os.sep) or not os.path.realpath(lexical).startswith(base + os.sep):
         raise ConfigError(f"truth {truth[:80]!r}: a daemon shows materials by name, or files in its runs folder")
+    if not os.path.exists(lexical):
+        raise ConfigError(f"truth {truth[:80]!r}: no such file")
     return lexical
 
 

@@ -52,17 +52,19 @@ def _drive(control: Control, run: Run) -> tuple[Work, dict[str, Any]]:
 
     def work(held: Held) -> dict[str, Any]:
         estimator = Estimator(folder, board)
+        done = False
         try:
             rig = held.for_run(material, run.truth)
             control.look(now=True)
             lent: Any = LentRig(rig, board, lambda: control.stopped)
             reason = run(watch=watch, interrupted=lambda: control.stopped, rig=lent)
+            done = True
             return {"reason": reason}
         finally:
-            estimator.close()
             if last is not None:
                 show(last)
             run.close()
+            estimator.close(done=done)
 
     about = {"material": material.name, "run": str(folder), "truth": run.store.get("provenance", {}).get("truth", "")}
     return work, about

@@ -18,7 +18,7 @@ from fastapi.responses import JSONResponse, Response, StreamingResponse
 from pydantic import BaseModel, ConfigDict, Field
 
 import gonio
-from gonio.config import Material
+from gonio.config import ConfigError, Material
 from gonio.daemon import by_hand, jobs
 from gonio.daemon.control import Busy, Control
 from gonio.daemon.inside import RUN, run_folder, truth_name
@@ -106,7 +106,7 @@ def make_app(control: Control, runs: Path) -> FastAPI:
             material = body.material
             if material.truth is not None:
                 material = material.model_copy(update={"truth": truth_name(runs, material.truth)})
-            _must_be_text(material.model_dump_json())
+            _must_be_text(material)
             return jobs.acquire(control, material, _new_folder(runs, material.name, body.run))
 
         return submit("acquire", prepare)
@@ -212,13 +212,10 @@ def _new_folder(runs: Path, material: str, run: str | None) -> Path:
     return run_folder(runs, f"{material}/{stamp}-{secrets.token_hex(2)}")
 
 
-def _must_be_text(text: str) -> None:
+def _must_be_text(material: Material) -> None:
     """Lone surrogates pass JSON, and no file can hold them. Raises ConfigError."""
-    from gonio.config import ConfigError
-
     try:
-        text.encode()
-        json.dumps(json.loads(text), ensure_ascii=False).encode()
+        json.dumps(material.model_dump(), ensure_ascii=False).encode()
     except UnicodeEncodeError:
         raise ConfigError("material: holds characters that are not text") from None
 

@@ -1,0 +1,105 @@
+"""A daemon in a process of its own, in a runtime folder of the test's own."""
+
+import contextlib
+import io
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("fastapi", reason="needs the extra `daemon`")
+httpx = pytest.importorskip("httpx", reason="needs the extra `daemon`")
+
+
+class Daemon:
+    """`gonio daemon` on a rig: `client` over its Unix socket, `gonio(...)` in the same surroundings."""
+
+    def __init__(self, rig="sim", tcp=False):
+        self.base = Path(tempfile.mkdtemp(prefix="gonio-test-"))  # short: a socket's path may have 107 bytes
+        self.runs = self.base / "runs"
+        (self.base / "run").mkdir(mode=0o700)
+        self.env = {**os.environ, "XDG_RUNTIME_DIR": str(self.base / "run"), "OMP_NUM_THREADS": "1"}
+        self.rig, self.tcp, self.url = rig, tcp, ""
+        self.socket = self.base / "run" / "gonio" / f"{rig}.sock"
+        self.start()
+
+    def start(self):
+        port = ["--tcp", "0"] if self.tcp else []
+        command = ["daemon", "--rig", self.rig, "--runs", str(self.runs), *port]
+        self.process = self.spawn(*command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        assert self.process.stdout.readline().startswith("rig"), "the daemon did not start"
+        if self.tcp:
+            self.url = self.process.stdout.readline().split()[1]
+        self.client = httpx.Client(transport=httpx.HTTPTransport(uds=str(self.socket)), base_url="http://g", timeout=60)
+
+    def spawn(self, *args, **kwargs):
+        return subprocess.Popen([sys.executable, "-m", "gonio.cli", *args], env=self.env, text=True, **kwargs)
+
+    def gonio(self, *args):
+        """The command in this process, as the operator's own: returncode, stdout, stderr."""
+        from gonio.cli import main
+
+        out, err = io.StringIO(), io.StringIO()
+        with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            patch.setenv("XDG_RUNTIME_DIR", self.env["XDG_RUNTIME_DIR"])
+            patch.setattr(sys, "argv", ["gonio", *map(str, args)])
+            with pytest.raises(SystemExit) as ended:
+                main()
+        return subprocess.CompletedProcess(args, ended.value.code, out.getvalue(), err.getvalue())
+
+    def state(self):
+        return self.client.get("/state").json()
+
+    def until(self, wanted, seconds=60):
+        """Wait until `wanted(state)`; that state."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            if wanted(state := self.state()):
+                return state
+            time.sleep(0.02)
+        raise AssertionError(f"waited in vain; {json.dumps(state)}")
+
+    def ended(self, job):
+        return self.until(lambda s: s["job"]["id"] == job and s["job"]["ended"] is not None)["job"]
+
+    def acquire(self, run, measurements, **sampler):
+        body = {"material": material(measurements, **sampler), "run": run}
+        answer = self.client.post("/jobs/acquire", json=body)
+        assert answer.status_code == 202, answer.text
+        return answer.json()["job"]
+
+    def measured(self, at_least):
+        """Wait until so many measurements have been made; that state."""
+        return self.until(lambda s: ((s["job"] or {}).get("progress") or {"measured": 0})["measured"] >= at_least)
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+
+    def close(self):
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+            self.process.wait(30)
+        self.process.stdout.close()
+        self.client.close()
+        shutil.rmtree(self.base)
+
+
+def material(measurements, **sampler):
+    """A material as a client sends it: the fit of chm_orange that ships, or a table of it."""
+    chains = {"proposal": "pss_vndf", **sampler}
+    return {"name": "m", "truth": "chm_orange", "sampler": chains, "budget": {"measurements": measurements}}
+
+
+@pytest.fixture(scope="session")
+def daemon():
+    d = Daemon("sim", tcp=True)
+    yield d
+    d.close()
