@@ -76,6 +76,10 @@ class Run:
         except Interrupted:
             store.event("interrupted", "by the operator")
             raise
+        except KeyboardInterrupt:
+            rig.stop()  # the motors first; then what is left to say
+            store.event("stopped", "at once, by the operator")
+            raise
         except RigError as e:
             store.event("fault", str(e))
             raise
