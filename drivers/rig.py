@@ -69,10 +69,31 @@ def assemble(
 
 def open_stage(config: RigConfig, devices: DevicesConfig, clock: Clock) -> DynamixelStage:
     """The servos, recognised and configured; not homed. Raises DeviceFault."""
+    stage = make_stage(config, devices, clock)
+    stage.connect()
+    return stage
+
+
+def reboot(config: RigConfig, axis: str) -> None:
+    """The operator's command: restart one servo that has shut itself down, and write its settings again.
+
+    Its arm may sag. Raises DeviceFault, KeyError.
+    """
+    stage = make_stage(config, config.devices, RealClock())
+    try:
+        stage.bus.open()
+        stage.reboot(axis)
+    finally:
+        stage.close()
+
+
+def make_stage(config: RigConfig, devices: DevicesConfig, clock: Clock) -> DynamixelStage:
+    """Not connected yet."""
     s = devices.stage
-    assert s is not None
+    if s is None:
+        raise DeviceFault("stage", "none is configured", "name its port under devices.stage")
     envelope = envelope_of(config, None)
-    stage = DynamixelStage(
+    return DynamixelStage(
         Bus(s.port, s.baud, {number: name for name, number in s.ids.items()}),
         envelope.axes,
         s.ids,
@@ -83,8 +104,6 @@ def open_stage(config: RigConfig, devices: DevicesConfig, clock: Clock) -> Dynam
         after_fault=s.after_fault,
         poll_s=min(POLL_S, s.watchdog_s / 4) * getattr(clock, "scale", 1.0),
     )
-    stage.connect()
-    return stage
 
 
 class NoLight:

@@ -6,6 +6,9 @@ from drivers.dynamixel import tables as t
 from drivers.dynamixel.bus import Bus, Refused
 from gonio.rig.errors import DeviceFault
 
+# a servo that has shut itself down obeys again only after this; nothing does it unasked
+RESTART = "then reboot it or switch the servos' supply off and on"
+
 
 @dataclass(frozen=True)
 class Joint:
@@ -42,8 +45,8 @@ def hardware_fault(name: str, bits: int) -> DeviceFault | None:
     """The fault that the hardware error register tells of."""
     for bit, (cause, remedy) in t.HARDWARE_ERRORS.items():
         if bits >> bit & 1:
-            return DeviceFault(name, cause, f"{remedy}, then `gonio home --reboot {name}`")
-    return DeviceFault(name, f"hardware error {bits:#x}", f"`gonio home --reboot {name}`") if bits else None
+            return DeviceFault(name, cause, f"{remedy}; {RESTART}")
+    return DeviceFault(name, f"hardware error {bits:#x}", RESTART) if bits else None
 
 
 def configure(bus: Bus, joint: Joint, watchdog_s: float) -> None:

@@ -214,7 +214,7 @@ class DynamixelStage:
                 raise DeviceFault(
                     joint.name,
                     "lost its settings: its supply dipped",
-                    f"check supply and cables, then `gonio home --reboot {joint.name}`",
+                    "check supply and cables, then `gonio resume`",
                 )
             if goals is not None and s.watchdog == t.TRIPPED:
                 raise DeviceFault(

@@ -13,7 +13,7 @@ from gonio.rig.clock import ScaledClock
 from sim.light import SimLight
 from sim.sample import Sample
 from sim.wire.light import WireLight
-from sim.wire.line import Line, Server
+from sim.wire.line import Device, Line, Server
 from sim.wire.photodiode import WirePhotodiode
 from sim.wire.servo import COUNT_DEG, Servo
 from sim.wire.servo_bus import ServoBus
@@ -51,7 +51,7 @@ class Emulators:
         )
         self.bus, self.light = ServoBus(self.servos), WireLight(lamp)
         self.folder = Path(tempfile.mkdtemp(prefix="gonio-wire-"))
-        devices = {"stage": self.bus, "photodiode": self.photodiode, "light": self.light}
+        devices: dict[str, Device] = {"stage": self.bus, "photodiode": self.photodiode, "light": self.light}
         self.lines = {name: Line(self.folder / name, device) for name, device in devices.items()}
         self.server = Server(list(self.lines.values()))
         port = {name: str(line.path) for name, line in self.lines.items()}

@@ -82,7 +82,7 @@ def test_absent_servo_is_named(tmp_path):
 @pytest.mark.parametrize(("bit", "cause"), [(5, "overload"), (2, "overheated"), (0, "supply voltage")])
 def test_hardware_faults_are_named(bench, bit, cause):
     bench.servos[3].fail(bit)
-    with pytest.raises(DeviceFault, match=rf"detector: {cause}.*--reboot detector"):
+    with pytest.raises(DeviceFault, match=rf"detector: {cause}.*then reboot it"):
         bench.stage.move(pose(50, 50, 50, 50), 10.0)
 
 

@@ -46,9 +46,23 @@ def late(bench, *delays):
     bench.line.wire.carry = slow
 
 
+def held(bench):
+    """The first reply comes when the next request has been sent, just before its own reply."""
+    carry, n, kept = bench.line.wire.carry, [0], []
+
+    def slow(packet):
+        n[0] += 1
+        if n[0] == 2:
+            kept.append(packet)
+            return b"", 0.0
+        return (kept.pop() + packet, 0.0) if n[0] == 4 else carry(packet)
+
+    bench.line.wire.carry = slow
+
+
 def test_1_a_late_reply_is_not_the_next_ones(bench, sdk):
     bench.servos[1].put(116, 1234)
-    late(bench, 0.06, 0.035)
+    held(bench)
     assert Sdk().read4ByteTxRx(sdk, 1, 116)[1] != COMM_SUCCESS
     assert Sdk().read4ByteTxRx(sdk, 1, 132)[:2] == (1234, COMM_SUCCESS)  # of the goal, not of the position
 
@@ -67,7 +81,7 @@ def test_1_without_the_silence_it_would_be_taken(bench, monkeypatch):
     monkeypatch.setattr(bus.port, "drain", lambda *a: None)
     monkeypatch.setattr("drivers.dynamixel.bus.TRIES", 1)
     bench.servos[1].put(116, 1234)
-    late(bench, 0.06, 0.035)
+    held(bench)
     with pytest.raises(DeviceFault):
         bus.read(1, t.GOAL)
     assert bus.read(1, t.PRESENT_POSITION) == 1234

@@ -1,0 +1,209 @@
+"""Finds, names and tests the devices of a rig; moves nothing. Each line says what is, or what is missing and what to do.
+
+Lines begin with `ok`, `warn` or `FAIL`.
+"""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from drivers.dynamixel import tables as t
+from drivers.dynamixel.bus import Bus, Refused
+from drivers.dynamixel.configure import Joint, hardware_fault
+from drivers.gone import PortGone
+from drivers.light import SerialLight
+from drivers.photodiode import Photodiode
+from drivers.rig import make_stage
+from drivers.text_line import TextLine
+from gonio.config.rig import DevicesConfig, PortConfig, RigConfig
+from gonio.rig.build import geometry_calibration, radiometry_of
+from gonio.rig.clock import RealClock
+from gonio.rig.errors import CalibrationMissing, DeviceFault
+
+READINGS = 16
+SLOW_MS = 4  # latency timer above which a poll of the servos is slow
+
+
+def doctor(config: RigConfig, devices: DevicesConfig | None = None) -> list[str]:
+    """Findings, in the order of the wiring. Raises nothing that a device may cause."""
+    devices = devices or config.devices
+    return [*_stage(config, devices), *_optics(config, devices), *_camera(devices), *_calibration(config)]
+
+
+def _stage(config: RigConfig, devices: DevicesConfig) -> Iterator[str]:
+    if devices.stage is None:
+        yield "FAIL stage: none is configured; name its port under devices.stage"
+        return
+    if (missing := _port("stage", devices.stage)) is not None:
+        yield missing
+        return
+    yield from _latency(devices.stage.port)
+    try:
+        stage = make_stage(config, devices, RealClock())
+        stage.bus.open()
+    except (DeviceFault, PortGone) as e:
+        yield f"FAIL {e if isinstance(e, DeviceFault) else f'stage: {e}; is another program using it?'}"
+        return
+    try:
+        there = [j for j in stage.joints if stage.bus.answers(j.id)]
+        for joint in stage.joints:
+            if joint in there:
+                yield from _servo(stage.bus, joint, stage.model)
+            else:
+                yield f"FAIL {joint.name}: no servo answers as id {joint.id}; check its cable, supply and id"
+        if len(there) < len(stage.joints):
+            found, _ = stage.bus.packets.broadcastPing(stage.bus.port)
+            others = sorted(set(found) - {j.id for j in stage.joints})
+            who = ", ".join(f"id {i} (model {found[i][0]})" for i in others) or "nobody"
+            yield f"warn stage: besides these, at {devices.stage.baud} baud, {who} answers; other rates were not tried"
+    except (DeviceFault, Refused, PortGone) as e:
+        yield f"FAIL stage: {e}"
+    finally:
+        stage.bus.close()
+
+
+def _servo(bus: Bus, joint: Joint, model: str) -> Iterator[str]:
+    number = bus.ping(joint.id)
+    known = {n: name for name, n in t.MODELS.items()}.get(number, f"model {number}")
+    if number != t.MODELS[model]:
+        yield f"FAIL {joint.name}: servo {joint.id} is {known}, not {model}; check devices.stage.model and ids"
+        return
+    volts, celsius = bus.read(joint.id, t.VOLTAGE) / 10, bus.read(joint.id, t.TEMPERATURE)
+    low, high = bus.read(joint.id, t.MIN_VOLTAGE) / 10, bus.read(joint.id, t.MAX_VOLTAGE) / 10
+    hottest = bus.read(joint.id, t.TEMPERATURE_LIMIT)
+    position = bus.read(joint.id, t.PRESENT_POSITION)
+    degrees = (position - t.ZERO) * 360 / t.COUNTS
+    yield (
+        f"ok   {joint.name}: {known} id {joint.id}, firmware {bus.read(joint.id, t.FIRMWARE)}, {volts:.1f} V, "
+        f"{celsius} C, at {degrees:.2f} degrees"
+    )
+    if fault := hardware_fault(joint.name, bus.read(joint.id, t.HARDWARE_ERROR)):
+        yield f"FAIL {fault}"
+    if not low <= volts <= high:
+        yield f"FAIL {joint.name}: {volts:.1f} V is outside {low:.1f} to {high:.1f} V; check the supply"
+    if celsius > hottest - 10:
+        yield f"warn {joint.name}: {celsius} C, it stops at {hottest} C; let it cool down"
+    if not joint.lower <= position <= joint.upper:
+        yield f"FAIL {joint.name}: stands outside its limits; move it inside by hand with the power off"
+    for register, value, what in ((t.MIN_POSITION, joint.lower, "lower"), (t.MAX_POSITION, joint.upper, "upper")):
+        if (kept := bus.read(joint.id, register)) != value:
+            yield f"warn {joint.name}: its own {what} limit is {kept} counts, not {value}; written at the next start"
+
+
+def _optics(config: RigConfig, devices: DevicesConfig) -> Iterator[str]:
+    """Photodiode and lamp: alone, and the one in the light of the other."""
+    detector, light = None, None
+    if devices.light is None:
+        yield "warn light: none is configured; switch it yourself, or name its port under devices.light"
+    elif (missing := _port("light", devices.light)) is not None:
+        yield missing
+    else:
+        light = SerialLight(TextLine("light", devices.light.port, devices.light.baud, grace_s=0), RealClock())
+    if devices.photodiode is None:
+        yield "warn photodiode: none is configured; name its port under devices.photodiode"
+    elif (missing := _port("photodiode", devices.photodiode)) is not None:
+        yield missing
+    else:
+        line = TextLine("photodiode", devices.photodiode.port, devices.photodiode.baud, grace_s=0)
+        detector = Photodiode(line, config.photodiode, config.exposure_s)
+    light_works = False
+    try:
+        if light is not None:
+            light.connect()
+            yield "ok   light: answers, off"
+            light_works = True
+    except DeviceFault as e:
+        yield f"FAIL {e}"
+    try:
+        if detector is not None:
+            detector.connect()
+            yield from _levels(config, detector, light if light_works else None)
+    except DeviceFault as e:
+        yield f"FAIL {e}"
+    finally:
+        if light is not None:
+            try:
+                light.off()
+            except DeviceFault as e:
+                yield f"FAIL {e}"
+            light.close()
+        if detector is not None:
+            detector.close()
+
+
+def _levels(config: RigConfig, detector: Photodiode, light: SerialLight | None) -> Iterator[str]:
+    dark = np.mean([detector.read().value for _ in range(READINGS)], 0)
+    expected = config.photodiode.dark
+    yield f"ok   photodiode: {detector.channels} channels, dark level {', '.join(f'{v:.3g}' for v in dark)}"
+    if np.any(np.abs(dark - expected) > max(5 * config.photodiode.read_noise, 0.5 * abs(expected))):
+        yield f"warn photodiode: dark level should be about {expected:g}; is there stray light?"
+    if light is None:
+        return
+    light.on()
+    light.level(1)
+    lit = np.mean([detector.read().value for _ in range(READINGS)], 0)
+    light.off()
+    step = lit - dark
+    if np.any(step < 10 * config.photodiode.read_noise):
+        yield "FAIL light: switching it on changes nothing; is it aimed at the sample, the detector too?"
+    else:
+        yield f"ok   light: on/off contrast {', '.join(f'{v:.3g}' for v in lit / np.maximum(np.abs(dark), 1e-12))}"
+
+
+def _camera(devices: DevicesConfig) -> Iterator[str]:
+    if devices.camera is None:
+        return
+    path = devices.camera.device
+    if not os.path.exists(path):
+        others = ", ".join(str(p) for p in sorted(Path("/dev/v4l/by-id").glob("*"))) or "none"
+        yield f"FAIL camera: {path} is not there; cameras found: {others}"
+        return
+    from drivers.camera import Camera, V4l2Source
+
+    try:
+        camera = Camera(V4l2Source(devices.camera))
+        frame = camera.frame(devices.camera.exposure_s[0])
+        yield f"ok   camera: {frame.shape[1]} x {frame.shape[0]}, {frame.dtype}, settings read back"
+        camera.close()
+    except DeviceFault as e:
+        yield f"FAIL {e}"
+
+
+def _calibration(config: RigConfig) -> Iterator[str]:
+    try:
+        found = geometry_calibration(config)
+        yield f"ok   geometry: {found.id}" if found else "warn geometry: as drawn; run `gonio calibrate geometry`"
+    except CalibrationMissing as e:
+        yield f"FAIL geometry: {e}"
+    try:
+        from gonio.rig.calibration import RadiometryCalibration, load_calibration
+
+        c = config.calibration
+        channels = len(load_calibration(Path(c.radiometry), RadiometryCalibration).gain) if c.radiometry else 1
+        yield f"ok   radiometry: {radiometry_of(config, channels).id or 'nominal'}"
+    except CalibrationMissing as e:
+        yield f"FAIL radiometry: {e}"
+
+
+def _port(name: str, port: PortConfig) -> str | None:
+    """What is wrong with a port before it is opened, None where nothing is."""
+    if not os.path.exists(port.port):
+        others = ", ".join(str(p) for p in sorted(Path("/dev/serial/by-id").glob("*"))) or "none"
+        return f"FAIL {name}: {port.port} is not there; plug it in, or name one of those found: {others}"
+    if not os.access(port.port, os.R_OK | os.W_OK):
+        return f"FAIL {name}: {port.port} may not be opened; have your user added to its group (often dialout)"
+    return None
+
+
+def _latency(port: str, sys: Path = Path("/sys/bus/usb-serial/devices")) -> Iterator[str]:
+    """The adapter holds back what it received for so many milliseconds; 16 is the kernel's default."""
+    try:
+        ms = int((sys / Path(port).resolve().name / "latency_timer").read_text())
+    except (OSError, ValueError):
+        return  # not that kind of adapter
+    if ms > SLOW_MS:
+        yield f"warn stage: USB latency timer is {ms} ms, each poll waits for it; have a udev rule set it to 1"
+    else:
+        yield f"ok   stage: USB latency timer {ms} ms"
