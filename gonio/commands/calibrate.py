@@ -86,7 +86,7 @@ def radiometry(
     # what lies on a simulated rig is the reference itself
     reference = None if config.depth == "real" else Lambert(np.pi * np.array(f))
     with hold_hardware(config), Held(config) as held:
-        found = measure_reference(held.as_is(reference), theta_i, theta_o, np.array(f))
+        found = measure_reference(held.as_is(reference, calibrated=False), theta_i, theta_o, np.array(f))
     gains = ", ".join(f"{g:.4g} ± {s:.1g}" for g, s in zip(found.gain, found.gain_sigma))
     _save(found, out, f"gain {gains}, linearity {found.linearity:+.2%}")
 

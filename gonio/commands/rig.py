@@ -14,14 +14,24 @@ def register(app: typer.Typer) -> None:
         app.command()(command)
 
 
-def doctor(rig: RigOption = "sim") -> None:
-    """Find, name and test the rig's devices; say what is missing and what to do."""
+def doctor(
+    rig: RigOption = "sim",
+    reboot: Annotated[
+        str | None, typer.Option(metavar="AXIS", help="first restart this servo; its arm may sag: hold it")
+    ] = None,
+) -> None:
+    """Find, name and test the rig's devices; say what is missing and what to do. Exits with 3 where something is."""
     from gonio.daemon.place import hold_hardware
 
     config = rig_config(rig)
     with hold_hardware(config):
-        for line in _doctor(config):
+        if reboot is not None:
+            _reboot(config, reboot)
+        lines = _doctor(config)
+        for line in lines:
             typer.echo(line)
+    if any(line.startswith("FAIL") for line in lines):
+        raise typer.Exit(3)
 
 
 def home(rig: RigOption = "sim") -> None:
@@ -105,16 +115,23 @@ def _say_pose(result: dict[str, Any]) -> None:
     typer.echo("at  " + "  ".join(f"{k} {v:g}" for k, v in (result.get("pose_deg") or {}).items()) + "  degrees")
 
 
+def _reboot(config, axis: str) -> None:
+    from gonio.config import ConfigError
+
+    if config.depth != "real":
+        raise ConfigError(f"--reboot {axis}: rig {config.name} is simulated and has no servo to restart")
+    if axis not in config.axis_names:
+        raise ConfigError(f"--reboot {axis}: no such axis; they are {', '.join(config.axis_names)}")
+    from drivers.rig import reboot
+
+    reboot(config, axis)
+
+
 def _doctor(config) -> list[str]:
     if config.depth == "real":
-        from importlib import import_module
+        from drivers.doctor import doctor
 
-        from gonio.config import ConfigError
-
-        try:
-            return list(import_module("drivers.doctor").doctor(config))
-        except ModuleNotFoundError as e:
-            raise ConfigError(f"rig {config.name}: its doctor needs {e.name}, which is not installed") from None
+        return list(doctor(config))
     from gonio.daemon.checkup import checkup
 
     return checkup(config)

@@ -69,4 +69,4 @@ def _open(truth: str | None):
 def _arms(held: Held) -> Any:
     if held.config.depth == "ideal":
         raise ConfigError(f"rig {held.config.name} is ideal and has no arms to move; take `sim`, or a real one")
-    return held.as_is()
+    return held.as_is(calibrated=False)

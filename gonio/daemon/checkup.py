@@ -8,7 +8,7 @@ from gonio.geometry import from_angles
 
 
 def checkup(config: RigConfig) -> list[str]:
-    """Lines `ok` or `BAD`, what was checked, what was found. Raises DeviceFault, CalibrationMissing."""
+    """Lines `ok` or `FAIL`, what was checked, what was found. Raises DeviceFault, CalibrationMissing."""
     lines = [f"rig         {config.name}, depth {config.depth}: simulated, no hardware is touched"]
     for name in config.axis_names:
         a = config.axes[name]
@@ -35,4 +35,4 @@ def checkup(config: RigConfig) -> list[str]:
 
 
 def _line(ok: bool, what: str, text: str) -> str:
-    return f"{'ok ' if ok else 'BAD'}  {what:6} {text}"
+    return f"{'ok  ' if ok else 'FAIL'} {what:6} {text}"

@@ -117,7 +117,7 @@ class Control:
             self._go_on.wait()
             if not self.stopped:
                 self.board.write(state="running")
-        self.look()
+        self._quietly(self.look)  # what matters of it, the next move finds for itself
 
     def look(self, now: bool = False) -> None:
         """Device health on the board, every two seconds."""

@@ -26,22 +26,31 @@ def pose_deg(rig: Rig, seen: Visited | None = None) -> dict[str, float] | None:
 
 
 def devices(rig: Rig) -> list[dict[str, Any]]:
-    """Rows `name, ok, text`. Devices that have a `health() -> dict` of their own say the rest (temperature, supply)."""
-    stage, light, detector = (getattr(rig, part, None) for part in ("stage", "light", "detector"))
+    """Rows `name, ok, text`. May touch the bus: for the rig's own thread. Raises DeviceFault."""
+    stage = getattr(rig, "stage", None)
     rows = []
     if stage is None:
         return [_row("rig", True, "ideal: no devices")]
-    rows.append(_row("stage", stage.homed, "homed" if stage.homed else "not homed: run `gonio home`", stage))
-    rows.append(_row("light", True, "simulated" if rig.simulated else "", light))
+    rows.append(_stage(stage))
+    rows.append(_row("light", True, "simulated" if rig.simulated else "real"))
     drift = getattr(getattr(rig, "levels", None), "drift", 1.0)
-    rows.append(_row("detector", True, f"drift {drift - 1:+.2%}", detector))
+    rows.append(_row("detector", True, f"drift {drift - 1:+.2%}"))
     for kind in ("geometry", "radiometry"):
         found = rig.calibration_ids.get(kind)
         rows.append(_row(kind, found is not None or rig.simulated, found or "nominal"))
     return rows
 
 
-def _row(name: str, ok: bool, text: str, device: Any = None) -> dict[str, Any]:
-    own = getattr(device, "health", None)
-    said = [f"{k} {v}" for k, v in own().items()] if callable(own) else []
-    return {"name": name, "ok": bool(ok), "text": ", ".join([t for t in (text, *said) if t])}
+def _stage(stage: Any) -> dict[str, Any]:
+    """Servos that can be asked for their state also tell supply and temperature."""
+    text = "homed" if stage.homed else "not homed: run `gonio home`"
+    if not callable(ask := getattr(stage, "states", None)):
+        return _row("stage", stage.homed, text)
+    states = ask()
+    volts, celsius = min(s.volts for s in states), max(s.celsius for s in states)
+    well = stage.homed and not any(s.hardware for s in states)
+    return _row("stage", well, f"{text}, {volts:.1f} V, warmest servo {celsius} °C")
+
+
+def _row(name: str, ok: bool, text: str) -> dict[str, Any]:
+    return {"name": name, "ok": bool(ok), "text": text}

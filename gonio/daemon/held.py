@@ -35,10 +35,19 @@ class Held:
             self.rig.home()
         return self.rig
 
-    def as_is(self, truth: Brdf | None = None) -> Any:
-        """The rig as it stands; one just opened, if simulated, shows `truth`, or a white diffuser."""
+    def as_is(self, truth: Brdf | None = None, *, calibrated: bool = True) -> Any:
+        """The rig as it stands; one just opened, if simulated, shows `truth`, or a white diffuser.
+
+        calibrated: it is to measure f, and a real rig needs its radiometry for that; moving does not.
+        """
+        if self.rig is not None and calibrated and self._opened_for is None:
+            self.close()
         if self.rig is None or (truth is not None and self.config.depth != "real"):
             self.close()
+            if not calibrated and self.config.depth == "real" and self.config.calibration.radiometry is None:
+                self.rig = _without_radiometry(self.config)
+                self._opened_for = None
+                return self.rig
             if self.config.depth != "real" and truth is None:
                 from gonio.brdf.lambert import Lambert
 
@@ -67,3 +76,10 @@ class Held:
 
     def __exit__(self, *exc) -> None:
         self.close()
+
+
+def _without_radiometry(config: RigConfig) -> Rig:
+    """A real rig that nobody has calibrated yet. At depth `wire`, the same drivers take the nominal gain."""
+    from drivers.rig import open_real
+
+    return open_real(config.model_copy(update={"depth": "wire"}), PlanConfig(), False)

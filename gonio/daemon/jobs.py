@@ -55,7 +55,6 @@ def _drive(control: Control, run: Run) -> tuple[Work, dict[str, Any]]:
         done = False
         try:
             rig = held.for_run(material, run.truth)
-            control.look(now=True)
             lent: Any = LentRig(rig, board, lambda: control.stopped)
             reason = run(watch=watch, interrupted=lambda: control.stopped, rig=lent)
             done = True
