@@ -204,3 +204,31 @@ def test_token(daemon):
         assert http.get(base + "state", headers={"Authorization": f"Bearer {token}"}).status_code == 200
         assert http.get(daemon.url).status_code == 200
     assert base.startswith("http://127.0.0.1:") and len(token) >= 32
+
+
+def test_the_real_drivers_through_a_daemon():
+    """Depth `wire`: stopped, gone on with, killed, gone on with: the run is the one that was never touched."""
+    daemon = Daemon("wire")
+    try:
+        job = daemon.acquire("w", 10**5)
+        daemon.measured(30)
+        assert daemon.client.post("/stop").json() == {"done": True}
+        assert daemon.ended(job)["code"] == 130
+        devices = {d["name"]: d for d in daemon.state()["devices"]}
+        assert devices["stage"]["ok"] and " V, warmest servo " in devices["stage"]["text"]
+        n = len(contents(daemon.runs / "w")["id"])
+        daemon.client.post("/jobs/resume", json={"run": "w"})
+        daemon.measured(n + 30)
+        daemon.kill()
+        before = contents(daemon.runs / "w")
+        assert len(before["id"]) >= n + 30
+        n = len(before["id"]) + 20
+        done = daemon.gonio("resume", daemon.runs / "w", "--no-post", "--set", f"budget.measurements={n}")
+        assert done.returncode == 0, done.stderr
+        after = contents(daemon.runs / "w")
+        assert len(after["id"]) == n
+        at = np.searchsorted(after["id"], before["id"])
+        for k in ("asked", "seen", "f", "sigma"):
+            assert np.array_equal(after[k][at], before[k], equal_nan=True)
+    finally:
+        daemon.close()
