@@ -1,4 +1,4 @@
-"""Finds, names and tests the devices of a rig; moves nothing. Each line says what is, or what is missing and what to do.
+"""Finds, names and tests the devices of a rig; moves nothing. Says what is, or what is missing and what to do.
 
 Lines begin with `ok`, `warn` or `FAIL`.
 """
@@ -160,10 +160,12 @@ def _camera(devices: DevicesConfig) -> Iterator[str]:
         others = ", ".join(str(p) for p in sorted(Path("/dev/v4l/by-id").glob("*"))) or "none"
         yield f"FAIL camera: {path} is not there; cameras found: {others}"
         return
-    from drivers.camera import Camera, V4l2Source
+    from drivers.camera import Camera
+    from drivers.v4l2 import V4l2Source
 
     try:
         camera = Camera(V4l2Source(devices.camera))
+        camera.configure()
         frame = camera.frame(devices.camera.exposure_s[0])
         yield f"ok   camera: {frame.shape[1]} x {frame.shape[0]}, {frame.dtype}, settings read back"
         camera.close()

@@ -1,7 +1,8 @@
 """Instruments that speak lines of text: `COMMAND arguments*HH` LF, answered by `text*HH` LF.
 
-HH is the exclusive or of all bytes before the star, in hex: no damaged command is obeyed, no damaged answer believed. Every command has one answer, which repeats the command's
-first word and says what was done; an error is `ERR number,text`. Each answer is read before the next command is sent.
+HH is the exclusive or of all bytes before the star, in hex: no damaged command is obeyed, no damaged answer believed.
+Every command has one answer, which repeats the command's first word and says what was done; an error is
+`ERR number,text`. Each answer is read before the next command is sent.
 """
 
 import select

@@ -12,14 +12,13 @@ RESTART = "then reboot it or switch the servos' supply off and on"
 
 @dataclass(frozen=True)
 class Joint:
-    """One servo: axis name, id, limits in counts, fastest profile in the servo's units."""
+    """One servo: axis name, id, limits in counts, top speed in the servo's units."""
 
     name: str
     id: int
     lower: int
     upper: int
     velocity: int
-    acceleration: int
 
 
 def recognise(bus: Bus, joint: Joint, model: str) -> None:
@@ -53,10 +52,11 @@ def configure(bus: Bus, joint: Joint, watchdog_s: float) -> None:
     """Every register that matters, EEPROM first. EEPROM is written only where it differs: it wears out."""
     eeprom = {
         t.RETURN_DELAY: 0,
-        t.DRIVE_MODE: 0,
+        t.DRIVE_MODE: t.TIME_BASED,
         t.OPERATING_MODE: t.POSITION_MODE,
         t.HOMING_OFFSET: 0,
         t.SHUTDOWN: t.SHUTDOWN_MASK,
+        t.VELOCITY_LIMIT: joint.velocity,
         t.MAX_POSITION: joint.upper,
         t.MIN_POSITION: joint.lower,
     }
@@ -68,8 +68,8 @@ def configure(bus: Bus, joint: Joint, watchdog_s: float) -> None:
             put(bus, joint, register, value)
     put(bus, joint, t.WATCHDOG, 0)  # ends a trip: until then goals are read-only
     put(bus, joint, t.POSITION_I_GAIN, t.I_GAIN)
-    put(bus, joint, t.PROFILE_ACCELERATION, joint.acceleration)
-    put(bus, joint, t.PROFILE_VELOCITY, joint.velocity)
+    put(bus, joint, t.PROFILE_ACCELERATION, t.GENTLE_MS[0])
+    put(bus, joint, t.PROFILE_VELOCITY, t.GENTLE_MS[1])
     put(bus, joint, t.TORQUE, 1)
     put(bus, joint, t.WATCHDOG, watchdog_units(watchdog_s))
 

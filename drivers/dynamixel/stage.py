@@ -27,6 +27,8 @@ COUNT = 2 * np.pi / t.COUNTS
 ARRIVED = 1  # counts off the goal that still are the goal
 SHORT = np.radians(5.0)  # farther off than this, something is wrong
 GRACE_S = 5.0  # how long a port may be away in the middle of a move
+BRAKE = (20).to_bytes(4, "little") + (40).to_bytes(4, "little")  # ramp and time of a stop, ms
+EARLY = 16  # counts: shorter ways are not judged by their time
 ATTEMPTS = 3  # at giving the servos their goals
 
 
@@ -140,15 +142,20 @@ class DynamixelStage:
             raise
 
     def _move(self, goals: dict[int, int], deadline: float) -> Array:
-        state = self._start(goals)
+        present = self._lately() or self.states()
+        sent = self.clock.now()
+        state = self._start(goals, present)
         begun = self.clock.now()
-        way = np.array([goals[i] - s.position for i, s in zip(self.ids, state)]) * COUNT
-        ready = begun + float(move_time(way, self.velocity, self.acceleration))
+        way = np.array([goals[i] - s.position for i, s in zip(self.ids, present)]) * COUNT
+        seconds = float(move_time(way, self.velocity, self.acceleration))
+        ready = begun + seconds
         still, late = 0, False
         while not self._stopped.is_set():
             self._check(state, goals)
             off = np.array([abs(goals[i] - s.position) for i, s in zip(self.ids, state)])
             moving = np.array([s.moving for s in state])
+            if self.clock.now() - sent < 0.5 * seconds:
+                self._believe(np.abs(way), off)
             if not moving.any() and (off <= ARRIVED).all():
                 return self._pose(state)
             still = still + 1 if not moving.any() and self.clock.now() >= ready else 0
@@ -165,9 +172,8 @@ class DynamixelStage:
         self._halt()
         return self.pose()
 
-    def _start(self, goals: dict[int, int]) -> list[State]:
+    def _start(self, goals: dict[int, int], present: list[State]) -> list[State]:
         """Give the servos their goals and see that they have them. Raises DeviceFault."""
-        present = self._lately() or self.states()
         self._check(present, None)
         self._rearm([j for j, s in zip(self.joints, present) if s.watchdog == t.TRIPPED])
         data = self._profile(present, goals)
@@ -186,16 +192,13 @@ class DynamixelStage:
         raise DeviceFault(j.name, f"does not take the goal {goals[j.id]}", "check its limits with `gonio doctor`")
 
     def _profile(self, present: Sequence[State], goals: dict[int, int]) -> dict[int, bytes]:
-        """Velocity and acceleration in proportion to the way, so that all axes start and stop together."""
+        """One ramp and one time for all axes: they start and stop together, so the way is a straight line."""
         way = np.array([abs(goals[i] - s.position) for i, s in zip(self.ids, present)]) * COUNT
-        slowest = float(np.max(way / self.velocity)), float(np.max(way / self.acceleration))
-        data = {}
-        for joint, d in zip(self.joints, way):
-            v = t.units(np.degrees(d / slowest[0] if d > 0 else 0), t.VELOCITY_UNIT_DEG_S)
-            a = t.units(np.degrees(d / slowest[1] if d > 0 else 0), t.ACCELERATION_UNIT_DEG_S2)
-            profile = min(a, joint.acceleration), min(v, joint.velocity), goals[joint.id]
-            data[joint.id] = b"".join(n.to_bytes(4, "little") for n in profile)
-        return data
+        cruise, ramp = float((way / self.velocity).max()), float((way / self.acceleration).max())
+        time_ms = max(int(np.ceil(1000 * float(move_time(way, self.velocity, self.acceleration)))), 2)
+        ramp_ms = min(int(np.ceil(1000 * ramp / cruise)), time_ms // 2) if cruise > 0 else 1
+        head = ramp_ms.to_bytes(4, "little") + time_ms.to_bytes(4, "little")
+        return {i: head + goals[i].to_bytes(4, "little") for i in self.ids}
 
     def _rearm(self, tripped: list[Joint]) -> None:
         """Idle for longer than the watchdog waits: it tripped, as it should, and goals are read-only until told."""
@@ -223,6 +226,15 @@ class DynamixelStage:
             if goals is not None and s.goal != goals[joint.id]:
                 raise DeviceFault(joint.name, "somebody else gave it a goal", "let nobody else drive these servos")
 
+    def _believe(self, way: Array, off: Array) -> None:
+        """In less than half of its time no servo is there. Raises DeviceFault."""
+        early = (way > EARLY * COUNT) & (off <= ARRIVED)
+        if early.any():
+            name = self.joints[int(early.argmax())].name
+            raise DeviceFault(
+                name, "shows a position that it cannot have reached", "check its encoder and its coupling"
+            )
+
     def _short(self, state: Sequence[State], off: Array) -> Array:
         if off.max() * COUNT > SHORT:
             name = self.joints[int(off.argmax())].name
@@ -249,7 +261,7 @@ class DynamixelStage:
         with self.bus.lock:
             for _ in range(ATTEMPTS):
                 here = {j.id: min(max(s.position, j.lower), j.upper) for j, s in zip(self.joints, self.states())}
-                self.bus.sync_write(t.GOAL, {i: n.to_bytes(4, "little") for i, n in here.items()})
+                self.bus.sync_write(t.MOVE, {i: BRAKE + n.to_bytes(4, "little") for i, n in here.items()})
                 if all(s.goal == here[i] or s.watchdog == t.TRIPPED for i, s in zip(self.ids, self.states())):
                     return
         raise DeviceFault("stage", "does not take the order to stop", "cut the power of the servos")
@@ -321,9 +333,8 @@ def joint_of(axis: Axis, servo: int) -> Joint:
             f"limits of {np.degrees(axis.lower):g} to {np.degrees(axis.upper):g} degrees are more than one turn has",
             "keep within lower_deg -180 and upper_deg 179.9",
         )
-    v = t.units(np.degrees(axis.velocity), t.VELOCITY_UNIT_DEG_S)
-    a = t.units(np.degrees(axis.acceleration), t.ACCELERATION_UNIT_DEG_S2)
-    return Joint(axis.name, servo, int(lower), int(upper), v, a)
+    v = t.units(1.1 * np.degrees(axis.velocity), t.VELOCITY_UNIT_DEG_S)
+    return Joint(axis.name, servo, int(lower), int(upper), v)
 
 
 def angle(counts: int) -> float:

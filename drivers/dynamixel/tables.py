@@ -33,8 +33,8 @@ STATUS_RETURN = Register(68, 1)
 HARDWARE_ERROR = Register(70, 1)
 POSITION_I_GAIN = Register(82, 2)
 WATCHDOG = Register(98, 1)  # 20 ms units, reads TRIPPED after a trip
-PROFILE_ACCELERATION = Register(108, 4)
-PROFILE_VELOCITY = Register(112, 4)
+PROFILE_ACCELERATION = Register(108, 4)  # time-based: ms of each ramp, at most half of all
+PROFILE_VELOCITY = Register(112, 4)  # time-based: ms of the whole move; 0 = as fast as it can
 GOAL = Register(116, 4, True)
 MOVING = Register(122, 1)
 PRESENT_VELOCITY = Register(128, 4, True)
@@ -43,14 +43,17 @@ VOLTAGE = Register(144, 2)
 TEMPERATURE = Register(146, 1)
 
 POLL = Register(70, 77)  # hardware error ... temperature: all that a poll looks at, in one read
-MOVE = Register(108, 12)  # acceleration, velocity, goal: all that starts a move, in one write
+MOVE = Register(108, 12)  # ramp, time, goal: all that starts a move, in one write
 
 TRIPPED = 255
 POSITION_MODE = 3
 COUNTS = 4096  # per turn
 ZERO = 2048  # where a joint stands at 0
 VELOCITY_UNIT_DEG_S = 1.374
-ACCELERATION_UNIT_DEG_S2 = 21.46
+# Profiles say how long a move takes, in ms, not how fast it is. Speeds come in steps of 1.374 deg/s, accelerations in
+# steps of 21.46 deg/s^2: too coarse for axes to keep to a straight line, and off that line lies the stay-out cone.
+TIME_BASED = 0b100
+GENTLE_MS = 2000, 8000  # ramp and time of a move that nobody planned
 WATCHDOG_UNIT_S = 0.02
 I_GAIN = 100  # the default of 0 lets a loaded servo rest some counts short of its goal
 SHUTDOWN_MASK = 0b110100  # overheat, shock, overload; voltage is told but does not let the arms fall

@@ -139,10 +139,17 @@ class Servo:
         self._to = here + way
         if way:
             self._lag = 0.0 if way > 0 else self.backlash
-        top = self.get(44)
+        top = self.get(44) * 1.374 / COUNT_DEG
         v, a = self.get(112), self.get(108)
-        self._v = min(v or top, top) * 1.374 / COUNT_DEG
-        self._a = (a or 1000) * 21.46 / COUNT_DEG
+        if self.get(10) & 4 and v:  # time-based: ms of the whole move and of each ramp
+            ramp = min(max(a, 1), v / 2) / 1000
+            self._v = max(abs(way), 1e-9) / (v / 1000 - ramp)
+            self._a = self._v / ramp
+            if self._v > top:
+                self._v = top
+        else:
+            self._v = min(v * 1.374 / COUNT_DEG or top, top)
+            self._a = (a or 1000) * 21.46 / COUNT_DEG
 
     def hold(self, here: float) -> None:
         """Stand still here; in position mode the goal is the present position then."""

@@ -66,5 +66,5 @@ def test_nothing_configured():
 def test_latency_timer(tmp_path, ms, said):
     (tmp_path / "ttyUSB0").mkdir()
     (tmp_path / "ttyUSB0" / "latency_timer").write_text(f"{ms}\n")
-    assert list(_latency("/dev/ttyUSB0", tmp_path))[0].startswith(said)
+    assert next(iter(_latency("/dev/ttyUSB0", tmp_path))).startswith(said)
     assert not list(_latency("/dev/ttyACM0", tmp_path))

@@ -8,10 +8,14 @@ import pytest
 
 from drivers.dynamixel import tables as t
 from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.stage import DynamixelStage
-from gonio.rig.clock import ScaledClock
+from drivers.dynamixel.poll import State
+from drivers.dynamixel.stage import COUNT, DynamixelStage
+from gonio.rig.build import envelope_of
+from gonio.rig.clock import VirtualClock
 from gonio.rig.errors import DeviceFault, SafetyStop
-from tests.drivers.bench import AXES, IDS, Bench, pose
+from gonio.rig.motion import move_time
+from sim.wire.servo import Servo
+from tests.drivers.bench import AXES, IDS, WIRE, Bench, pose
 
 
 @pytest.fixture
@@ -25,8 +29,14 @@ def bench(tmp_path):
 def test_configured_and_read_back(bench):
     for joint in bench.stage.joints:
         s = bench.servos[joint.id]
-        assert (s.get(9), s.get(11), s.get(52), s.get(48)) == (0, 3, joint.lower, joint.upper)
-        assert s.get(64) == 1 and s.get(98) == 25 and s.get(82) == t.I_GAIN and s.get(112) == 44
+        assert s.get(44) == joint.velocity == 48 and s.get(10) == t.TIME_BASED
+        assert (s.get(9), s.get(11), s.get(52), s.get(48)) == (
+            0,
+            3,
+            joint.lower,
+            joint.upper,
+        )
+        assert s.get(64) == 1 and s.get(98) == 25 and s.get(82) == t.I_GAIN and s.get(112) == t.GENTLE_MS[1]
     bench.stage.home()
     assert bench.stage.homed
 
@@ -39,21 +49,30 @@ def test_arrives_on_the_count(bench):
         np.testing.assert_allclose(np.radians([s.true_angle_deg() for s in bench.servos.values()]), goal, atol=1e-9)
 
 
-def test_all_axes_start_and_stop_together(tmp_path):
-    """A straight line, as far as whole units of speed allow: 2 degrees off it at most for ways of these lengths."""
-    bench = Bench(tmp_path, scale=1.0)
-    try:
-        bench.stage.connect()
-        bench.servos[1].clock = bench.servos[2].clock = clock = ScaledClock(1.0)
-        states = bench.stage.states()
-        data = bench.stage._profile(states, {1: 2048 + 900, 2: 2048 - 450, 3: 2048, 4: 2048 + 225})
-        for k in (1, 2, 4):
-            bench.servos[k].clock = clock
-            bench.servos[k].write(108, data[k])
-        seconds = [bench.servos[k]._seconds() for k in (1, 2, 4)]
-        assert max(seconds) / min(seconds) < 1.25
-    finally:
-        bench.close()
+def test_the_way_is_a_straight_line_and_stays_out_of_the_cone():
+    """Moves that the planner calls clear are: as the emulated servos drive them, all in step to half a count each."""
+    envelope, clock, rng = envelope_of(WIRE), VirtualClock(), np.random.default_rng(0)
+    stage = DynamixelStage(Bus("-", 1_000_000, {}), AXES, IDS, "XM430-W350", np.zeros(4), clock)
+    deepest, bent, slower, moves = np.inf, 0.0, 0.0, 0
+    while moves < 400:
+        a, b = (envelope.snap(rng.uniform(envelope.lower, envelope.upper)) for _ in range(2))
+        apart = envelope.separation(np.stack([a, b])) > envelope.stay_out + envelope.margin
+        if not apart.all() or not envelope.path_clear(a[None], b[None])[0]:
+            continue
+        moves += 1
+        at, goals = stage._counts(a), stage._counts(b)
+        still = [State(0, 25, n, False, n, 12.0, 30) for n in at.values()]
+        servos = [Servo(k, clock, at[k]) for k in stage.ids]
+        for s, data in zip(servos, stage._profile(still, goals).values()):
+            assert s.write(10, b"\4") == s.write(64, b"\1") == s.write(108, data) == 0
+        seconds = max(s._seconds() for s in servos)
+        when = np.linspace(0, seconds, 50)
+        way = (np.array([[s.position(s._begun + x) for s in servos] for x in when]) - t.ZERO) * COUNT
+        deepest = min(deepest, np.degrees(envelope.separation(way).min() - envelope.stay_out))
+        off, d = way - a, b - a
+        bent = max(bent, np.degrees(np.abs(off - (off @ d / (d @ d))[:, None] * d).max()))
+        slower = max(slower, seconds - float(move_time(d, stage.velocity, stage.acceleration)))
+    assert deepest > -0.01 and bent < 0.05 and slower < 0.003
 
 
 @pytest.mark.parametrize("bad", [pose(1200, 0, 0, 0), pose(0, 2048, 0, 0), np.array([0, np.nan, 0, 0])])
@@ -103,7 +122,7 @@ def test_reboot_writes_everything_again(bench):
         bench.stage.home()
     bench.stage.reboot("detector")
     s = bench.servos[3]
-    assert s.get(64) == 1 and s.get(98) == 25 and s.get(82) == t.I_GAIN and s.get(112) == 44
+    assert s.get(64) == 1 and s.get(98) == 25 and s.get(82) == t.I_GAIN and s.get(112) == t.GENTLE_MS[1]
     np.testing.assert_array_equal(bench.stage.move(pose(5, 5, 5, 5), 10.0), pose(5, 5, 5, 5))
 
 
@@ -128,6 +147,16 @@ def test_a_blocked_joint_runs_out_of_time(bench):
         bench.stage.move(pose(900, 0, 0, 0), 3.0)
 
 
+def test_a_servo_that_lies_about_its_position(tmp_path):
+    bench = Bench(tmp_path, scale=1.0)
+    bench.stage.poll_s = 0.02
+    bench.stage.connect()
+    bench.servos[2].troubles.lies = bench.servos[2].troubles.stuck = True
+    with pytest.raises(DeviceFault, match="turntable: shows a position that it cannot have reached"):
+        bench.stage.move(pose(0, 300, 0, 0), 20.0)
+    bench.close()
+
+
 def test_a_tripped_watchdog_is_armed_again(bench):
     for s in bench.servos.values():
         s._fed -= 10
@@ -138,7 +167,7 @@ def test_a_tripped_watchdog_is_armed_again(bench):
 def test_a_host_that_dies_stops_the_servos(tmp_path):
     bench = Bench(tmp_path, scale=1.0, watchdog_s=0.04)
     bench.stage.connect()
-    bench.stage._start({1: 3000, 2: 2048, 3: 2048, 4: 2048})
+    bench.stage._start({1: 3000, 2: 2048, 3: 2048, 4: 2048}, bench.stage.states())
     time.sleep(0.3)
     bench.servos[1].feed()
     assert bench.servos[1].get(98) == 255

@@ -1,5 +1,6 @@
 """The seven traps of dynamixel-sdk: each is sprung by the SDK as it is, and by-passed by the driver."""
 
+import sys
 import termios
 import threading
 
@@ -29,7 +30,10 @@ def sdk(bench):
     """The SDK's own handlers on the emulated bus."""
     port = PortHandler(str(bench.line.path))
     assert port.setBaudRate(BAUD)
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)  # it waits busily, in the process of the emulator that it waits for
     yield port
+    sys.setswitchinterval(before)
     port.closePort()
 
 
