@@ -39,7 +39,7 @@ def test_a_run_is_watched_paused_and_stopped(daemon, browser):
     page.goto(daemon.url)
     job = daemon.acquire("page", 100_000)
     badge = page.locator("#state")
-    while number(page, "measured") < 60 or badge.text_content() != "running":
+    while "runs/page" not in page.locator("#run").text_content() or number(page, "measured") < 60:
         page.wait_for_timeout(50)
     assert page.locator("#rig").text_content() == "sim · devices"
     assert page.locator(".axis").count() == 4 and "°" in page.locator(".axis .angle").first.text_content()
@@ -89,6 +89,7 @@ def test_picture(daemon, browser):
     page.goto(daemon.url)
     body = {"material": {"name": "chm_orange", "truth": "chm_orange", "budget": {"measurements": 5000}}}
     job = daemon.client.post("/jobs/acquire", json=body).json()["job"]
+    page.locator("#job", has_text="chm_orange").wait_for()
     while number(page, "measured") < 1800 or page.locator("#ess").text_content() == "–":
         page.wait_for_timeout(50)
     Path(PICTURE).parent.mkdir(parents=True, exist_ok=True)
