@@ -143,6 +143,7 @@ class DynamixelStage:
 
     def _move(self, goals: dict[int, int], deadline: float) -> Array:
         present = self._lately() or self.states()
+        self._rest = None
         sent = self.clock.now()
         state = self._start(goals, present)
         begun = self.clock.now()
@@ -157,6 +158,7 @@ class DynamixelStage:
             if self.clock.now() - sent < 0.5 * seconds:
                 self._believe(np.abs(way), off)
             if not moving.any() and (off <= ARRIVED).all():
+                self._rest = time.monotonic(), state
                 return self._pose(state)
             still = still + 1 if not moving.any() and self.clock.now() >= ready else 0
             if still >= 3 or (late and not moving.any()):  # they stand, but not where they should
@@ -259,6 +261,7 @@ class DynamixelStage:
     def _halt(self) -> None:
         """Every goal becomes the present position. An axis on the move overshoots by what it needs to brake."""
         with self.bus.lock:
+            self._rest = None
             for _ in range(ATTEMPTS):
                 here = {j.id: min(max(s.position, j.lower), j.upper) for j, s in zip(self.joints, self.states())}
                 self.bus.sync_write(t.MOVE, {i: BRAKE + n.to_bytes(4, "little") for i, n in here.items()})
@@ -287,14 +290,12 @@ class DynamixelStage:
 
     def _lately(self) -> list[State] | None:
         """The servos as last seen, if they were at rest and that was so lately that no watchdog has tripped since."""
-        rest, self._rest = self._rest, None
+        rest = self._rest
         return rest[1] if rest and time.monotonic() - rest[0] < self.watchdog_s / 4 else None
 
     def pose(self) -> Array:
         try:
-            state = self.states()
-            self._rest = None if any(s.moving for s in state) else (time.monotonic(), state)
-            return self._pose(state)
+            return self._pose(self._lately() or self.states())
         except PortGone as e:
             if not self.bus.reopen(self.grace_s):
                 raise self._gone(e) from None
