@@ -52,7 +52,7 @@ def contents(folder):
 
 
 @pytest.mark.parametrize(
-    ("rig", "proposal", "measurements", "kills"), [("ideal", "independence", 20_000, 20), ("sim", "auto", 1200, 10)]
+    ("rig", "proposal", "measurements", "kills"), [("ideal", "independence", 8000, 20), ("sim", "auto", 800, 10)]
 )
 def test_killed_thirty_times_and_nothing_lost(tmp_path, truth, rig, proposal, measurements, kills):
     args = acquisition(truth, rig, proposal, measurements)

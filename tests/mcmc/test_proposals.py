@@ -5,12 +5,13 @@ import pytest
 from oracle import exact_bins, glossy, mean_error, p_value, run
 
 from gonio.config.material import SamplerConfig
+from gonio.mcmc import auto
 from gonio.mcmc.auto import Auto
 from gonio.mcmc.delayed import Delayed
 from gonio.mcmc.plans import Fixed, make_plan, plain_proposal
 from gonio.mcmc.proposals.pss_ndf import PssNdf
 from gonio.mcmc.proposals.pss_simple import PssSimple
-from gonio.mcmc.proposals.screened import Screened
+from gonio.mcmc.proposals.screened import KEPT, PLAIN, Screened
 from gonio.mcmc.target import Target
 
 PLAIN = ("pss_simple", "pss_vndf", "vmf_io", "vmf_hd", "independence")
@@ -53,12 +54,24 @@ def test_auto_reaches_the_target_adapting_or_not(adapt, bins):
 
 
 @pytest.mark.parametrize("surrogate", [glossy(0.3), glossy(0.6), glossy(0.05)], ids=["right", "too rough", "too sharp"])
-def test_draws_thinned_by_any_surrogate_reach_the_target(surrogate, bins):
+def test_draws_thinned_by_any_surrogate_reach_the_target(surrogate, bins, monkeypatch):
+    """Also by one that the held-out measurements would have refused."""
+    monkeypatch.setattr(auto, "choose", lambda mixture, log_surrogate, *seen: Screened(mixture, log_surrogate, 0.15))
     plan = Auto(block=8, anisotropic=False, fit_surrogate=lambda wi, wo, f: surrogate)
     sampler = run(plan, BRDF, chains=3000, steps=40, seed=11)
     assert plan.independence.screened is not None
     assert p_value(sampler, bins) > LEVEL
     assert mean_error(sampler, bins) < 4.5
+
+
+def test_a_surrogate_is_used_as_far_as_unseen_measurements_agree_with_it():
+    shares = []
+    for surrogate in (BRDF, glossy(0.02)):
+        plan = Auto(block=8, anisotropic=False, fit_surrogate=lambda wi, wo, f, s=surrogate: s)
+        run(plan, BRDF, chains=300, steps=40, seed=12)
+        screened = plan.independence.screened
+        shares.append(1.0 if screened is None else screened.rho / KEPT)
+    assert shares[0] == min(PLAIN) < shares[1]
 
 
 def test_negative_control_thinning_that_the_ratio_forgets_is_found(bins, monkeypatch):
@@ -69,6 +82,7 @@ def test_negative_control_thinning_that_the_ratio_forgets_is_found(bins, monkeyp
         return coin < self._thinning(self.log_surrogate(wi, wo) - log_q), log_q
 
     monkeypatch.setattr(Screened, "thinned", forgetful)
+    monkeypatch.setattr(auto, "choose", lambda mixture, log_surrogate, *seen: Screened(mixture, log_surrogate, 0.15))
     plan = Auto(block=8, anisotropic=False, fit_surrogate=lambda wi, wo, f: glossy(0.6))
     assert p_value(run(plan, BRDF, chains=3000, steps=40, seed=11), bins) < 1e-6
 
