@@ -66,6 +66,8 @@ def acquire(
     while True:
         if (reason := _spent(material, progress) or good_enough(progress)) is not None:
             return reason
+        if interrupted():  # a rig that was stopped must not be asked to move again
+            raise Interrupted
         batch = _within_budget(sampler.ask(), material.budget.measurements, progress.measured)
         asked = np.concatenate([batch.wi, batch.wo], 1)
         for seen in rig.visit(batch.wi, batch.wo, batch.ids):

@@ -11,7 +11,7 @@ from gonio.mcmc.delayed import Delayed
 from gonio.mcmc.plans import Fixed, make_plan, plain_proposal
 from gonio.mcmc.proposals.pss_ndf import PssNdf
 from gonio.mcmc.proposals.pss_simple import PssSimple
-from gonio.mcmc.proposals.screened import KEPT, PLAIN, Screened
+from gonio.mcmc.proposals.screened import KEPT, Screened
 from gonio.mcmc.target import Target
 
 PLAIN = ("pss_simple", "pss_vndf", "vmf_io", "vmf_hd", "independence")
@@ -71,7 +71,7 @@ def test_a_surrogate_is_used_as_far_as_unseen_measurements_agree_with_it():
         run(plan, BRDF, chains=300, steps=40, seed=12)
         screened = plan.independence.screened
         shares.append(1.0 if screened is None else screened.rho / KEPT)
-    assert shares[0] == min(PLAIN) < shares[1]
+    assert abs(shares[0] - 0.15) < 1e-9 and shares[1] > 0.3
 
 
 def test_negative_control_thinning_that_the_ratio_forgets_is_found(bins, monkeypatch):
