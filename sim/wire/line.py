@@ -83,11 +83,11 @@ class Line:
         self.path.unlink(missing_ok=True)
         self.path.symlink_to(os.ttyname(slave))
 
-    def unplug(self) -> None:
+    def detach(self) -> tuple[int, ...]:
+        """Gone from the folder; the file descriptors, still to be closed."""
         fds, self.fds = self.fds, None
         self.path.unlink(missing_ok=True)
-        for fd in fds or ():
-            os.close(fd)
+        return fds or ()
 
 
 class Server(threading.Thread):
@@ -99,12 +99,14 @@ class Server(threading.Thread):
         self.lock = threading.RLock()
         self._wake = os.pipe()
         self._closed = False
+        self._rounds = 0
         self._late: list[tuple[float, int, Line, bytes]] = []
         self._order = itertools.count()
         self.start()
 
     def run(self) -> None:
         while not self._closed:
+            self._rounds += 1
             ports = {line.fds[0]: line for line in self.lines if line.fds}
             left = max(0.0, self._late[0][0] - time.monotonic()) if self._late else None
             try:
@@ -147,9 +149,15 @@ class Server(threading.Thread):
                 os.write(line.fds[0], packet)
 
     def unplug(self, line: Line) -> None:
+        """Gone when this returns: a pseudo-terminal that is still waited on would live a little longer."""
         with self.lock:
-            line.unplug()
+            fds = line.detach()
+        before, end = self._rounds, time.monotonic() + 1
         self._poke()
+        while self._rounds == before and time.monotonic() < end:
+            time.sleep(5e-4)
+        for fd in fds:
+            os.close(fd)
 
     def plug(self, line: Line) -> None:
         with self.lock:
@@ -160,9 +168,7 @@ class Server(threading.Thread):
         self._closed = True
         self._poke()
         self.join(timeout=5)
-        for line in self.lines:
-            line.unplug()
-        for fd in self._wake:
+        for fd in (*(fd for line in self.lines for fd in line.detach()), *self._wake):
             os.close(fd)
 
     def _poke(self) -> None:
