@@ -1,42 +1,15 @@
 """The loop: ask -> plan -> move -> measure -> store -> tell. No step reaches back."""
 
-import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from gonio.config.material import Material
 from gonio.mcmc import Batch, Sampler
+from gonio.progress import Progress
 from gonio.rig.devices import Rig, Visited
 from gonio.rig.errors import DeviceFault
 from gonio.store import Store, StoreError
-
-
-@dataclass
-class Progress:
-    """What a watcher is shown while a run goes on."""
-
-    measured: int = 0
-    free: int = 0
-    steps: int = 0
-    accepted: int = 0
-    rig_s: float = 0.0
-    began: float = field(default_factory=time.monotonic)
-    measured_before: int = 0
-    budget: int | None = None
-    energy_error: float | None = None
-
-    @property
-    def acceptance(self) -> float:
-        return self.accepted / self.steps if self.steps else 0.0
-
-    def eta_s(self) -> float | None:
-        """Seconds left to the measurement budget at the pace of this session; None where there is no telling."""
-        done = self.measured - self.measured_before
-        if self.budget is None or done == 0:
-            return None
-        return (self.budget - self.measured) * (time.monotonic() - self.began) / done
 
 
 class Interrupted(Exception):

@@ -22,6 +22,7 @@ HOUSE = [
     {"gonio.render"},
     {"gonio.export"},
     {"gonio.evaluate"},
+    {"gonio.progress"},
     {"gonio.store"},
     {"gonio.reconstruct"},
     {"gonio.mcmc"},
