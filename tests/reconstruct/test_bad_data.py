@@ -15,6 +15,12 @@ S = samples(GLOSSY, 1500)
 RNG = np.random.default_rng(7)
 
 
+@pytest.fixture(autouse=True)
+def _same_numbers_in_any_order(monkeypatch):
+    """Each test draws its own numbers, whichever ran before it in the same worker."""
+    monkeypatch.setitem(globals(), "RNG", np.random.default_rng(7))
+
+
 def changed(f=None, sigma=None, saturated=None, index=slice(None)) -> Samples:
     return Samples.of(S.wi[index], S.wo[index], (S.f if f is None else f)[index], sigma, saturated)
 

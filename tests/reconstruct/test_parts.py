@@ -18,6 +18,12 @@ from gonio.reconstruct.robust_base import Angles, RobustBase, dictionary
 RNG = np.random.default_rng(11)
 
 
+@pytest.fixture(autouse=True)
+def _same_numbers_in_any_order(monkeypatch):
+    """Each test draws its own numbers, whichever ran before it in the same worker."""
+    monkeypatch.setitem(globals(), "RNG", np.random.default_rng(11))
+
+
 def test_angles_are_those_of_the_geometry():
     wi, wo = pairs(GLOSSY, 2000)
     a = Angles.of(wi, wo)
