@@ -19,6 +19,7 @@ STUDIES = {
     "thesis": "gonio.bench.thesis_table",
     "rig": "gonio.bench.rig_seconds",
     "picture": "gonio.bench.picture",
+    "pretrain": "gonio.bench.pretrain",
 }
 
 
