@@ -1,8 +1,8 @@
 """Independence proposals from an explicit mixture: GGX lobes by their visible normals, a cosine lobe, a uniform one.
 
 q(wi, wo) = sum_jk p_jk m_j(wi) l_k(wo | wi), every density known in closed form, so that the ratio of importance
-weights is exact. m_j are densities of cos theta_i on the hemisphere that lean to the normal or to the horizon, l_k the
-lobes. Its weight is bounded as long as the cosine and uniform lobes keep a share. The proposals do not depend on where
+weights is exact. m_j are densities of cos theta_i on the hemisphere that lean to the normal or to the horizon, or are even in
+the angle; l_k the lobes. Its weight is bounded as long as the cosine and uniform lobes keep a share. The proposals do not depend on where
 the chain is: a block of them may be measured in any order (Jacob, Robert & Smith 2011).
 """
 
@@ -15,13 +15,23 @@ from gonio.geometry import Array, reflect
 from gonio.mcmc.lobes import log_vndf
 
 PI = np.pi
+STEEPEST = 1e-9  # of 1 - mu: where the density that is even in theta_i is cut, at a ten-thousandth of a degree
+
+
+def even_in_angle(mu: Array) -> Array:
+    """2 / (pi sin theta_i), the density of mu = cos theta_i for theta_i uniform on (0, pi/2); finite at the normal."""
+    return 2 / (PI * np.sqrt((1 + mu) * np.maximum(1 - mu, STEEPEST)))
+
+
 # densities of mu = cos theta_i on (0, 1) and the inverses of their cumulatives
 ELEVATIONS = (
     (lambda mu: np.ones_like(mu), lambda u: 1 - u),
     (lambda mu: 2 * mu, lambda u: np.sqrt(1 - u)),
     (lambda mu: 2 * (1 - mu), lambda u: 1 - np.sqrt(u)),
     (lambda mu: 4 * (1 - mu) ** 3, lambda u: 1 - u**0.25),
+    (even_in_angle, lambda u: np.cos(PI / 2 * u)),
 )
+EVEN = len(ELEVATIONS) - 1
 
 
 @dataclass(frozen=True)
