@@ -3,7 +3,8 @@
 q(wi, wo) = sum_jk p_jk m_j(wi) l_k(wo | wi), every density known in closed form, so that the ratio of importance
 weights is exact. m_j are densities of cos theta_i on the hemisphere that lean to the normal or to the horizon, or are
 even in the angle; l_k the lobes. Its weight is bounded as long as the cosine and uniform lobes keep a share. The
-proposals do not depend on where the chain is: a block of them may be measured in any order (Jacob, Robert & Smith 2011).
+proposals do not depend on where the chain is: a block of them may be measured in any order (Jacob, Robert & Smith
+2011).
 """
 
 from dataclasses import dataclass
