@@ -1,30 +1,30 @@
-"""The camera: settings made and read back, frames thrown away until they have settled, linear pictures of a region.
+"""The camera: settings made and read back, frames thrown away until they have settled, dark and flat ones learnt.
 
-Everything here is above `FrameSource`, the seam under which lies OpenCV's VideoCapture or a simulated sensor.
+Everything here is above `FrameSource`, the seam under which lies OpenCV's VideoCapture or an emulated sensor. What a
+reading is made of is `drivers.camera_detector`'s business.
 """
 
 import time
-from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.hdr import Picture, bad_pixels, merge
-from gonio.geometry import Array
-from gonio.rig.devices import Reading
+from gonio.config.detectors import CameraConfig
 from gonio.rig.errors import DeviceFault
+from gonio.rig.frames import Frames
 
 SETTLED = 0.02  # relative difference of two frames' means that counts as none
-LEAST = 2  # frames thrown away after a change whatever they look like: they were under way
-MOST = 24
-DEADLINE_S = 5.0  # for one frame; OpenCV's own is 10 s
+MOST = 24  # frames beyond those thrown away anyway
+AVERAGED = 8  # frames that make a dark one, pictures that make a flat one
 
 MANUAL = {"auto_exposure": 1, "auto_white_balance": 0, "autofocus": 0, "sharpness": 0, "gamma": 100}
+Window = tuple[slice, slice]
 
 
 class FrameSource(Protocol):
-    """A sensor. Settings by name: exposure (100 us units), gain, and those of MANUAL that it has."""
+    """A sensor. Settings by name: exposure (100 us units), gain, white_balance, and those of MANUAL that it has."""
 
     def set(self, name: str, value: float) -> None: ...
 
@@ -33,30 +33,39 @@ class FrameSource(Protocol):
         ...
 
     def frame(self, deadline_s: float) -> NDArray | None:
-        """The next frame (H, W) or (H, W, C), linear counts; None where none comes in time."""
+        """The next frame (H, W) or (H, W, P), linear counts; None where none comes in time."""
         ...
 
     @property
     def full_scale(self) -> float: ...
 
+    def describe(self) -> tuple[str, list[str]]:
+        """What it says it is, and the formats that it offers."""
+        ...
+
     def close(self) -> None: ...
 
 
 class Camera:
-    """read_noise in counts, k counts per electron. Call `configure` first."""
+    """One sensor, used as `config` says. Call `configure`, then `learn_dark` or `use`, first. Frames have P planes."""
 
-    def __init__(self, source: FrameSource, gain: float = 0.0, read_noise: float = 2.0, k: float = 1.0):
-        self.source, self.gain, self.read_noise, self.k = source, gain, read_noise, k
-        self.darks: dict[float, Array] = {}
-        self.flat: Array | None = None
-        self.bad: NDArray[np.bool_] | None = None
-        self._exposure: float | None = None
+    def __init__(self, source: FrameSource, config: CameraConfig):
+        self.source, self.config = source, config
+        s = config.sensor
+        self.k = 1 / s.electrons_per_count  # counts per electron
+        self.read_noise = float(np.hypot(s.read_noise * self.k, 0.29))  # counts; with that of the rounding
+        self.frames: Frames | None = None
 
     def configure(self) -> None:
         """Nothing automatic is left on. Raises DeviceFault that says what was set and what was found."""
         if self.source.get("auto_exposure") is not None:
             self.source.set("auto_exposure", 3)  # some drivers take manual only as a change
-        for name, value in {**MANUAL, "gain": self.gain}.items():
+        wanted = {**MANUAL, "gain": self.config.gain}
+        if self.config.white_balance_k is not None:
+            if self.source.get("white_balance") is None:
+                raise DeviceFault("camera", "has no white balance to set", "set camera.white_balance_k to null")
+            wanted["white_balance"] = self.config.white_balance_k
+        for name, value in wanted.items():
             if self.source.get(name) is not None:
                 self._put(name, value)
 
@@ -68,97 +77,96 @@ class Camera:
                 "camera", f"{name} set to {value:g} reads {found}", "close other programs that use it, or use another"
             )
 
-    def frame(self, exposure: float) -> NDArray:
-        """One settled frame of an exposure in seconds. Raises DeviceFault."""
-        if exposure != self._exposure:
-            self._put("exposure", round(exposure * 1e4), tolerance=max(0.5, exposure * 1e2))
-            self._exposure = exposure
-        return self.settled()
+    # ---- frames ----------------------------------------------------------------------------------------------------
 
-    def settled(self) -> NDArray:
-        """The first frame that looks like the one before it; the buffered ones of before are gone then."""
-        end = time.monotonic() + DEADLINE_S
-        before = None
-        for n in range(MOST):
-            frame = self.source.frame(end - time.monotonic())
-            if frame is None:
-                raise DeviceFault("camera", "delivers no frames", "check its cable; plug it in again")
-            mean = float(frame.mean())
-            if before is not None and n >= LEAST and abs(mean - before) <= SETTLED * max(mean, before, 1.0) + 1e-12:
+    def frame(self, exposure: float, window: Window = (slice(None), slice(None))) -> NDArray:
+        """The window (h, w, P) of a settled frame of an exposure in seconds: whatever went before is forgotten.
+
+        Frames under way are thrown away, then more of them until two running look alike. Raises DeviceFault.
+        """
+        self._put("exposure", round(exposure * 1e4), tolerance=max(0.5, exposure * 1e2))
+        each = max(exposure, self.config.frame_s)
+        end = time.monotonic() + self.config.deadline_s + (self.config.discard_frames + 2) * each
+        before: NDArray | None = None
+        for n in range(self.config.discard_frames + MOST):
+            frame = self._next(end)[window]
+            if n >= self.config.discard_frames and before is not None and self._alike(frame, before):
                 return frame
-            before = mean
-        raise DeviceFault("camera", f"does not settle in {MOST} frames", "is the light flickering or something moving?")
+            before = frame
+        raise DeviceFault("camera", f"unsettled after {n + 1} frames", "is the light flickering or something moving?")
 
-    def learn_dark(self, exposures: tuple[float, ...], frames: int = 4) -> None:
+    def more(self, exposure: float) -> NDArray:
+        """The next frame after `frame`, nothing having changed."""
+        return self._next(time.monotonic() + self.config.deadline_s + 2 * max(exposure, self.config.frame_s))
+
+    def _next(self, end: float) -> NDArray:
+        frame = self.source.frame(max(end - time.monotonic(), 0.0))
+        if frame is None:
+            raise DeviceFault("camera", "delivers no frames", "check its cable; plug it in again, then `gonio resume`")
+        return np.atleast_3d(frame)
+
+    def _alike(self, a: NDArray, b: NDArray) -> bool:
+        """Their means differ by no more than SETTLED of what is above the darkest pixel, or than their noise."""
+        mean, light = float(a.mean()), float(a.mean() - min(a.min(), b.min()))
+        noise = np.sqrt(2 * (self.read_noise**2 + self.k * max(light, 0)) / max(a.size, 1))
+        return abs(mean - float(b.mean())) <= SETTLED * light + 5 * noise
+
+    # ---- what is the camera's own ----------------------------------------------------------------------------------
+
+    def use(self, frames: Frames) -> None:
+        """Dark and flat frames and bad pixels as measured before."""
+        self.frames = frames
+
+    def learn_dark(self) -> None:
         """With the light off: a dark frame of each exposure, and the hot pixels."""
-        for t in exposures:
-            self.darks[t] = np.mean([self.frame(t).astype(float) for _ in range(frames)], 0)
-        self.bad = bad_pixels(self.darks[max(exposures)], None, self.read_noise)
+        darks = []
+        for t in self.config.exposure_s:
+            first = self.frame(t).astype(float)
+            darks.append((first + sum(self.more(t).astype(float) for _ in range(AVERAGED - 1))) / AVERAGED)
+        bad = bad_pixels(darks[-1], None, self.read_noise)
+        self.frames = Frames(self.config.exposure_s, np.stack(darks), AVERAGED, bad)
 
-    def learn_flat(self, exposures: tuple[float, ...]) -> None:
-        """With something evenly bright before it: the vignetting, as a picture of mean 1."""
-        self.flat = None
-        value = self.picture(exposures).value
-        self.flat = np.nan_to_num(value / np.nanmean(value, (0, 1)), nan=1.0)
-        if self.bad is not None:
-            self.bad |= bad_pixels(np.zeros_like(value), self.flat, self.read_noise)
+    def learn_flat(self) -> None:
+        """With something evenly bright before it, after `learn_dark`: the vignetting, 1 in the middle.
 
-    def picture(self, exposures: tuple[float, ...]) -> Picture:
-        """A linear picture in counts per second, corrected for dark and flat; bad pixels are NaN."""
-        frames = [self.frame(t) for t in exposures]
-        darks = [self.darks.get(t, np.zeros(frames[0].shape)) for t in exposures]
-        p = merge(frames, list(exposures), darks, self.source.full_scale, self.read_noise, self.k)
-        flat = 1.0 if self.flat is None else self.flat
-        value, sigma = p.value / flat, p.sigma / flat
-        if self.bad is not None:
-            value[self.bad], sigma[self.bad] = np.nan, np.nan
+        Raises DeviceFault where that is too bright or too dark.
+        """
+        dark = self.known()
+        plain = Frames(dark.exposures, dark.dark, dark.averaged, np.zeros_like(dark.bad))
+        self.frames = plain
+        pictures = [self.picture(range(len(dark.exposures))) for _ in range(AVERAGED)]
+        p, value = pictures[0], np.mean([p.value for p in pictures], 0)
+        if p.saturated.mean() > 0.01 or value.mean() < 5 * p.sigma.mean():
+            raise DeviceFault("camera", "sees no even surface", "let one fill its picture, neither dark nor glaring")
+        height, width = dark.bad.shape
+        middle = value[height * 7 // 16 : height * 9 // 16 + 1, width * 7 // 16 : width * 9 // 16 + 1]
+        flat = value / np.median(middle, (0, 1))
+        bad = dark.bad | bad_pixels(np.zeros_like(flat), flat, self.read_noise)
+        self.frames = Frames(dark.exposures, dark.dark, dark.averaged, bad, np.where(bad[..., None], 1.0, flat))
+
+    def known(self) -> Frames:
+        if self.frames is None:
+            raise DeviceFault("camera", "its dark frames are not known", "`gonio calibrate camera --frames`")
+        return self.frames
+
+    # ---- pictures --------------------------------------------------------------------------------------------------
+
+    def picture(self, ladder: range, window: Window = (slice(None), slice(None))) -> Picture:
+        """A linear picture (h, w, P) in counts per second from exposures of the ladder, by number."""
+        return self.merged({n: self.frame(self.config.exposure_s[n], window) for n in ladder}, window)
+
+    def merged(self, taken: dict[int, NDArray], window: Window) -> Picture:
+        """The picture of frames taken, corrected for dark and flat; bad pixels are NaN. Keys: numbers in the ladder."""
+        frames = self.known()
+        numbers = sorted(taken)
+        darks = [frames.dark[n][window] for n in numbers]
+        read = self.read_noise * np.sqrt(1 + 1 / frames.averaged)
+        exposures = [self.config.exposure_s[n] for n in numbers]
+        p = merge([taken[n] for n in numbers], exposures, darks, self.source.full_scale, read, self.k)
+        flat = 1.0 if frames.flat is None else frames.flat[window]
+        value, sigma, bad = p.value / flat, p.sigma / flat, frames.bad[window]
+        value[bad], sigma[bad] = np.nan, np.nan
         return Picture(value, sigma, p.saturated)
 
     def close(self) -> None:
         self.source.close()
-
-
-class CameraDetector:
-    """Implements `gonio.rig.devices.Detector`: the mean over `region()`, rows and columns of the lit patch.
-
-    Signals are counts in the nominal exposure, the dark frame already taken off.
-    """
-
-    def __init__(
-        self, camera: Camera, exposures: tuple[float, ...], exposure: float, region: Callable[[], tuple[slice, slice]]
-    ):
-        self.camera, self.exposures, self.exposure, self.region = camera, exposures, exposure, region
-
-    def expect(self, signal: Array | None) -> None:
-        """Every bracket is taken anyway."""
-
-    def read(self, exposure: float | None = None) -> Reading:
-        seconds = exposure or self.exposure
-        p = self.camera.picture(self.exposures)
-        rows, columns = self.region()
-        value, sigma = p.value[rows, columns], p.sigma[rows, columns]
-        saturated = bool(p.saturated[rows, columns].any())
-        good = np.isfinite(value).all(-1)
-        if not good.any():
-            raise DeviceFault("camera", "no good pixel in its region", "check the camera's calibration")
-        n = int(good.sum())
-        raw = {"exposure_s": seconds, "exposures_s": list(self.exposures), "pixels": n}
-        return Reading(value[good].mean(0) * seconds, np.sqrt((sigma[good] ** 2).sum(0)) / n * seconds, saturated, raw)
-
-
-def region_of(
-    corners: Array, rotation: Array, translation: Array, calibration: Mapping[str, Array], size: tuple[int, int]
-) -> tuple[slice, slice]:
-    """Rows and columns that hold the patch with `corners` (N, 3), which stands to the camera at rotation (3,) and
-    translation (3,) (OpenCV's rvec, tvec). calibration: matrix, distortion. Raises DeviceFault where it
-    lies outside the picture of size (width, height).
-    """
-    import cv2
-
-    matrix, distortion = np.asarray(calibration["matrix"]), np.asarray(calibration["distortion"])
-    found, _ = cv2.projectPoints(np.asarray(corners, float), rotation, translation, matrix, distortion)
-    points = np.asarray(found)[:, 0]
-    low, high = np.floor(points.min(0)).astype(int), np.ceil(points.max(0)).astype(int)
-    if (low < 0).any() or (high >= size).any():
-        raise DeviceFault("camera", "the patch lies outside its picture", "aim it again, then `gonio calibrate camera`")
-    return slice(low[1], high[1] + 1), slice(low[0], high[0] + 1)

@@ -9,16 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
+from drivers.camera import FrameSource
+from drivers.doctor_camera import look, missing
 from drivers.dynamixel import tables as t
 from drivers.dynamixel.bus import Bus, Refused
 from drivers.dynamixel.configure import Joint, hardware_fault
 from drivers.gone import PortGone
 from drivers.light import SerialLight
 from drivers.photodiode import Photodiode
-from drivers.rig import make_stage
+from drivers.rig import make_stage, open_camera
 from drivers.text_line import TextLine
 from gonio.config.rig import DevicesConfig, PortConfig, RigConfig
-from gonio.rig.build import geometry_calibration, radiometry_of
+from gonio.rig.build import camera_calibration, camera_frames, geometry_calibration, radiometry_of
+from gonio.rig.calibration import RadiometryCalibration, load_calibration
 from gonio.rig.clock import RealClock
 from gonio.rig.errors import CalibrationMissing, DeviceFault
 
@@ -26,10 +29,13 @@ READINGS = 16
 SLOW_MS = 4  # latency timer above which a poll of the servos is slow
 
 
-def doctor(config: RigConfig, devices: DevicesConfig | None = None) -> list[str]:
-    """Findings, in the order of the wiring. Raises nothing that a device may cause."""
+def doctor(config: RigConfig, devices: DevicesConfig | None = None, frames: FrameSource | None = None) -> list[str]:
+    """Findings, in the order of the wiring. Raises nothing that a device may cause.
+
+    frames: the camera's sensor, where it is not the one that `devices` names.
+    """
     devices = devices or config.devices
-    return [*_stage(config, devices), *_optics(config, devices), *_camera(devices), *_calibration(config)]
+    return [*_stage(config, devices), *_optics(config, devices, frames), *_calibration(config)]
 
 
 def _stage(config: RigConfig, devices: DevicesConfig) -> Iterator[str]:
@@ -92,23 +98,15 @@ def _servo(bus: Bus, joint: Joint, model: str) -> Iterator[str]:
             yield f"warn {joint.name}: its own {what} limit is {kept} counts, not {value}; written at the next start"
 
 
-def _optics(config: RigConfig, devices: DevicesConfig) -> Iterator[str]:
-    """Photodiode and lamp: alone, and the one in the light of the other."""
-    detector, light = None, None
+def _optics(config: RigConfig, devices: DevicesConfig, frames: FrameSource | None) -> Iterator[str]:
+    """Lamp and detector: alone, and the one in the light of the other."""
+    light, light_works = None, False
     if devices.light is None:
         yield "warn light: none is configured; switch it yourself, or name its port under devices.light"
-    elif (missing := _port("light", devices.light)) is not None:
-        yield missing
+    elif (wrong := _port("light", devices.light)) is not None:
+        yield wrong
     else:
         light = SerialLight(TextLine("light", devices.light.port, devices.light.baud, grace_s=0), RealClock())
-    if devices.photodiode is None:
-        yield "warn photodiode: none is configured; name its port under devices.photodiode"
-    elif (missing := _port("photodiode", devices.photodiode)) is not None:
-        yield missing
-    else:
-        line = TextLine("photodiode", devices.photodiode.port, devices.photodiode.baud, grace_s=0)
-        detector = Photodiode(line, config.photodiode, config.exposure_s)
-    light_works = False
     try:
         if light is not None:
             light.connect()
@@ -117,11 +115,11 @@ def _optics(config: RigConfig, devices: DevicesConfig) -> Iterator[str]:
     except DeviceFault as e:
         yield f"FAIL {e}"
     try:
-        if detector is not None:
-            detector.connect()
-            yield from _levels(config, detector, light if light_works else None)
-    except DeviceFault as e:
-        yield f"FAIL {e}"
+        known = light if light_works else None
+        if config.detector == "camera":
+            yield from _camera(config, devices, known, frames)
+        else:
+            yield from _photodiode(config, devices, known)
     finally:
         if light is not None:
             try:
@@ -129,8 +127,39 @@ def _optics(config: RigConfig, devices: DevicesConfig) -> Iterator[str]:
             except DeviceFault as e:
                 yield f"FAIL {e}"
             light.close()
-        if detector is not None:
-            detector.close()
+
+
+def _camera(
+    config: RigConfig, devices: DevicesConfig, light: SerialLight | None, frames: FrameSource | None
+) -> Iterator[str]:
+    if frames is None:
+        if (wrong := missing(devices.camera)) is not None:
+            yield wrong
+            return
+        try:
+            frames = open_camera(config, devices)
+        except DeviceFault as e:
+            yield f"FAIL {e}"
+            return
+    yield from look(config, frames, light)
+
+
+def _photodiode(config: RigConfig, devices: DevicesConfig, light: SerialLight | None) -> Iterator[str]:
+    if devices.photodiode is None:
+        yield "warn photodiode: none is configured; name its port under devices.photodiode"
+        return
+    if (wrong := _port("photodiode", devices.photodiode)) is not None:
+        yield wrong
+        return
+    line = TextLine("photodiode", devices.photodiode.port, devices.photodiode.baud, grace_s=0)
+    detector = Photodiode(line, config.photodiode, config.exposure_s)
+    try:
+        detector.connect()
+        yield from _levels(config, detector, light)
+    except DeviceFault as e:
+        yield f"FAIL {e}"
+    finally:
+        detector.close()
 
 
 def _levels(config: RigConfig, detector: Photodiode, light: SerialLight | None) -> Iterator[str]:
@@ -152,27 +181,6 @@ def _levels(config: RigConfig, detector: Photodiode, light: SerialLight | None) 
         yield f"ok   light: on/off contrast {', '.join(f'{v:.3g}' for v in lit / np.maximum(np.abs(dark), 1e-12))}"
 
 
-def _camera(devices: DevicesConfig) -> Iterator[str]:
-    if devices.camera is None:
-        return
-    path = devices.camera.device
-    if not os.path.exists(path):
-        others = ", ".join(str(p) for p in sorted(Path("/dev/v4l/by-id").glob("*"))) or "none"
-        yield f"FAIL camera: {path} is not there; cameras found: {others}"
-        return
-    from drivers.camera import Camera
-    from drivers.v4l2 import V4l2Source
-
-    try:
-        camera = Camera(V4l2Source(devices.camera))
-        camera.configure()
-        frame = camera.frame(devices.camera.exposure_s[0])
-        yield f"ok   camera: {frame.shape[1]} x {frame.shape[0]}, {frame.dtype}, settings read back"
-        camera.close()
-    except DeviceFault as e:
-        yield f"FAIL {e}"
-
-
 def _calibration(config: RigConfig) -> Iterator[str]:
     try:
         found = geometry_calibration(config)
@@ -180,13 +188,20 @@ def _calibration(config: RigConfig) -> Iterator[str]:
     except CalibrationMissing as e:
         yield f"FAIL geometry: {e}"
     try:
-        from gonio.rig.calibration import RadiometryCalibration, load_calibration
-
         c = config.calibration
         channels = len(load_calibration(Path(c.radiometry), RadiometryCalibration).gain) if c.radiometry else 1
         yield f"ok   radiometry: {radiometry_of(config, channels).id or 'nominal'}"
     except CalibrationMissing as e:
         yield f"FAIL radiometry: {e}"
+    if config.detector != "camera":
+        return
+    try:
+        optics = camera_calibration(config)
+        yield f"ok   camera: {optics.id}" if optics else "warn camera: as drawn; run `gonio calibrate camera`"
+        frames = camera_frames(config)
+        yield f"ok   frames: {frames.id}" if frames else "ok   frames: none named; the dark is learnt at each start"
+    except CalibrationMissing as e:
+        yield f"FAIL camera: {e}"
 
 
 def _port(name: str, port: PortConfig) -> str | None:

@@ -1,9 +1,11 @@
 """Frames of several exposures -> one linear picture, by inverse variance.
 
-    e = sum w t (s - d t) / sum w t^2,    w = 1 / (read^2 + k max(s - d t, 0)),    sigma^2 = 1 / sum w t^2
+    e = sum w t (s - d) / sum w t^2,    w = 1 / (read^2 + k e0 t),    sigma^2 = 1 / sum w t^2
 
-s counts of one exposure t, d t its dark frame, k counts per electron; e counts per second. w = 0 where s is near
-saturation, and where it drowns in the dark as long as another exposure does not. OpenCV's own merges are not linear.
+s counts of one exposure t, d its dark frame, k counts per electron; e counts per second. e0 is the same with the
+weights of read noise alone: weights made of the very counts that they weigh would favour those that fell low. w = 0
+where s is near saturation, and where e0 t drowns in the dark as long as a longer exposure does not. OpenCV's own merges
+are not linear.
 """
 
 from dataclasses import dataclass
@@ -19,7 +21,7 @@ NEAR_DARK = 3.0  # read noises
 
 @dataclass(frozen=True)
 class Picture:
-    """Linear radiance in counts per second and its sigma, (H, W, C); saturated (H, W) in every exposure."""
+    """Linear radiance in counts per second and its sigma, (H, W, P); saturated (H, W) in every exposure."""
 
     value: Array
     sigma: Array
@@ -29,26 +31,29 @@ class Picture:
 def merge(
     frames: list[NDArray], exposures: list[float], darks: list[Array], full: float, read: float, k: float
 ) -> Picture:
-    """frames, darks (H, W, C) of each exposure in seconds; full = largest count; read noise in counts."""
-    shape = np.atleast_3d(frames[0]).shape
-    top, weight = np.zeros(shape), np.zeros(shape)
-    ever = np.zeros(shape, bool)
-    longest = int(np.argmax(exposures))
-    for n in np.argsort(exposures)[::-1]:  # the longest first: it alone may be weak
-        s, t = np.atleast_3d(frames[n]).astype(float), exposures[n]
-        light = s - np.atleast_3d(darks[n])
-        w = 1 / (read**2 + k * np.maximum(light, 0))
-        good = s < NEAR_SATURATION * full
-        if n != longest:
-            good &= (light > NEAR_DARK * read) | ~ever
-        w = np.where(good, w, 0.0)
-        ever |= good
-        top += w * t * light
-        weight += w * t * t
-    with np.errstate(invalid="ignore", divide="ignore"):
-        value = np.where(weight > 0, top / weight, (full - np.atleast_3d(darks[-1])) / min(exposures))
-        sigma = np.where(weight > 0, 1 / np.sqrt(weight), np.inf)
-    return Picture(value, sigma, np.asarray(~ever.all(-1)))
+    """frames, darks (H, W, P) of each exposure in seconds; full = largest count; read noise in counts."""
+    s = np.stack([np.atleast_3d(f) for f in frames]).astype(float)
+    light = s - np.stack([np.atleast_3d(d) for d in darks])
+    t = np.asarray(exposures, float)[:, None, None, None]
+    good = s < NEAR_SATURATION * full
+    first, _ = _weighted(good / read**2, t, light)
+    level = np.maximum(np.nan_to_num(first), 0) * t
+    longest = np.where(good, t, 0).max(0)
+    w = np.where(good & ((level > NEAR_DARK * read) | (t == longest)), 1 / (read**2 + k * level), 0.0)
+    value, weight = _weighted(w, t, light)
+    # where all are near saturation, the shortest says at least how bright it is
+    n = int(np.argmin(exposures))
+    noise = np.sqrt(read**2 + k * np.maximum(light[n], 0))
+    value = np.where(weight > 0, value, light[n] / exposures[n])
+    sigma = np.where(weight > 0, 1 / np.sqrt(np.maximum(weight, 1e-300)), noise / exposures[n])
+    return Picture(value, sigma, np.asarray(~good.any(0).all(-1)))
+
+
+def _weighted(w: Array, t: Array, light: Array) -> tuple[Array, Array]:
+    """Counts per second by weights w, and the weight of all; NaN where no exposure counts."""
+    weight = (w * t * t).sum(0)
+    with np.errstate(invalid="ignore"):
+        return (w * t * light).sum(0) / np.where(weight > 0, weight, np.nan), weight
 
 
 def bad_pixels(dark: Array, flat: Array | None, read: float) -> NDArray[np.bool_]:

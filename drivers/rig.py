@@ -1,10 +1,12 @@
 """Opens a rig of real drivers, on the ports that its config names."""
 
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 
 import numpy as np
 
+from drivers.camera import Camera, FrameSource
+from drivers.camera_detector import CameraDetector
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.stage import DynamixelStage
 from drivers.light import SerialLight
@@ -12,7 +14,18 @@ from drivers.photodiode import Photodiode
 from drivers.text_line import TextLine
 from gonio.config.plan import PlanConfig
 from gonio.config.rig import DevicesConfig, RigConfig
-from gonio.rig.build import envelope_of, geometry_calibration, park_pose, radiometry_of
+from gonio.geometry import Array
+from gonio.rig.build import (
+    calibration_ids,
+    camera_calibration,
+    camera_frames,
+    envelope_of,
+    geometry_calibration,
+    nominal_radiometry,
+    park_pose,
+    radiometry_of,
+    view_of,
+)
 from gonio.rig.clock import Clock, RealClock
 from gonio.rig.errors import DeviceFault
 from gonio.rig.staged import StagedRig
@@ -20,9 +33,13 @@ from gonio.rig.staged import StagedRig
 POLL_S = 0.02  # machine seconds between two polls of servos on the move
 
 
-def open_real(config: RigConfig, plan: PlanConfig, isotropic: bool) -> StagedRig:
-    """A rig of hardware, homed and ready. Raises DeviceFault, CalibrationMissing."""
-    return assemble(config, config.devices, plan, isotropic, RealClock())
+def open_real(config: RigConfig, plan: PlanConfig, isotropic: bool, *, calibrated: bool = True) -> StagedRig:
+    """A rig of hardware, homed and ready. Raises DeviceFault, CalibrationMissing.
+
+    calibrated: it is to measure f. One that is only to be moved, or is about to be calibrated, needs no calibration of
+    its detector.
+    """
+    return assemble(config, config.devices, plan, isotropic, RealClock(), calibrated=calibrated)
 
 
 def assemble(
@@ -32,39 +49,95 @@ def assemble(
     isotropic: bool,
     clock: Clock,
     *,
+    calibrated: bool = True,
     simulated: bool = False,
     announce: Callable[[int], None] = lambda number: None,
     make: Callable[..., StagedRig] = StagedRig,
+    frames: FrameSource | None = None,
+    even: Callable[[], AbstractContextManager[None]] | None = None,
 ) -> StagedRig:
-    """Connect to every device, confirm that it is what it should be, and put them together; all let go on failure."""
-    if devices.stage is None or devices.photodiode is None:
-        raise DeviceFault("rig", "a stage and a photodiode are needed", "name their ports under `devices`")
+    """Connect to every device, confirm that it is what it should be, and put them together; all let go on failure.
+
+    frames: the camera's sensor, where it is not the one that `devices` names; even() puts a diffuser before it.
+    """
     geometry = geometry_calibration(config)
     envelope = envelope_of(config, geometry)
+    stage = make_stage(config, devices, clock)
     with ExitStack() as opened:
-        detector = Photodiode(
-            TextLine("photodiode", devices.photodiode.port, devices.photodiode.baud),
-            config.photodiode,
-            config.exposure_s,
-        )
-        opened.callback(detector.close)
-        detector.connect()
-        radiometry = radiometry_of(config, detector.channels)
         light: SerialLight | NoLight = NoLight()
         if devices.light is not None:
             line = TextLine("light", devices.light.port, devices.light.baud)
             light = SerialLight(line, clock, config.light.warm_up_s)
             opened.callback(light.close)
-            light.connect()
-        stage = open_stage(config, devices, clock)
+            light.connect()  # and off: a camera learns its darks now
+        detector: Photodiode | CameraDetector
+        if config.detector == "camera":
+            source = frames or open_camera(config, devices)
+            opened.callback(source.close)
+            detector = camera_detector(config, source, stage.pose, calibrated=calibrated, even=even)
+        else:
+            detector = open_photodiode(config, devices)
+            opened.callback(detector.close)
+        radiometry = (radiometry_of if calibrated else nominal_radiometry)(config, detector.channels)
+        stage.connect()
         opened.callback(stage.close)
         stage.home()
         rig = make(
             config, envelope, stage, detector, light, radiometry, clock, plan, isotropic,
             simulated=simulated, announce=announce, release=opened.pop_all().close,
         )  # fmt: skip
-    rig.calibration_ids = {k: c.id for k, c in (("geometry", geometry), ("radiometry", radiometry)) if c and c.id}
+    rig.calibration_ids = calibration_ids(config, geometry, radiometry)
     return rig
+
+
+def open_photodiode(config: RigConfig, devices: DevicesConfig) -> Photodiode:
+    """Raises DeviceFault."""
+    if devices.photodiode is None:
+        raise DeviceFault("photodiode", "none is configured", "name its port under devices.photodiode")
+    line = TextLine("photodiode", devices.photodiode.port, devices.photodiode.baud)
+    detector = Photodiode(line, config.photodiode, config.exposure_s)
+    try:
+        detector.connect()
+    except BaseException:
+        detector.close()
+        raise
+    return detector
+
+
+def open_camera(config: RigConfig, devices: DevicesConfig) -> FrameSource:
+    """The sensor on its USB port. Raises DeviceFault."""
+    if devices.camera is None:
+        raise DeviceFault("camera", "none is configured", "name it under devices.camera")
+    from drivers.v4l2 import V4l2Source
+
+    return V4l2Source(devices.camera, config.camera)
+
+
+def camera_detector(
+    config: RigConfig,
+    source: FrameSource,
+    pose: Callable[[], Array],
+    *,
+    calibrated: bool = True,
+    even: Callable[[], AbstractContextManager[None]] | None = None,
+) -> CameraDetector:
+    """A sensor made the rig's detector: set, its dark frames known, its region following pose() (A,).
+
+    Where no frames are named the dark ones are learnt now, the light being off, and the flat one where something evenly
+    bright can be put before it. Raises DeviceFault, CalibrationMissing.
+    """
+    camera = Camera(source, config.camera)
+    camera.configure()
+    if (known := camera_frames(config)) is not None:
+        camera.use(known)
+    else:
+        camera.learn_dark()
+        if even is not None:
+            with even():
+                camera.learn_flat()
+    view = view_of(config, geometry_calibration(config), camera_calibration(config) if calibrated else None)
+    diameter = config.camera.region_mm / 1000
+    return CameraDetector(camera, config.exposure_s, lambda: view.disk(diameter, pose()))
 
 
 def open_stage(config: RigConfig, devices: DevicesConfig, clock: Clock) -> DynamixelStage:

@@ -14,6 +14,8 @@ from gonio.rig.staged import StagedRig
 
 __all__ = ["open_rig"]
 
+LONGEST_POLL_S = 1.0  # rig seconds between two looks at emulated servos on the move, however fast they live
+
 
 def open_rig(
     config: RigConfig, truth: Brdf | None, seed: int, *, plan: PlanConfig | None = None, isotropic: bool = False
@@ -43,7 +45,9 @@ def open_rig(
     if config.depth == "devices":
         from sim.rig import open_sim
 
-        return open_sim(config, sample, seed, plan, isotropic)
+        driver = lambda: _family(config, "drivers.rig").camera_detector
+        over = lambda frames, pose: driver()(config, frames, pose, even=frames.even)
+        return open_sim(config, sample, seed, plan, isotropic, over)
     return _open_wire(config, sample, seed, plan, isotropic)
 
 
@@ -69,15 +73,31 @@ class WireRig(StagedRig):
 def _open_wire(config: RigConfig, sample, seed: int, plan: PlanConfig, isotropic: bool) -> WireRig:
     emulators = _family(config, "sim.wire.rig").Emulators(config, sample, seed)
     try:
+        frames = _frames(config, emulators, sample, seed) if config.detector == "camera" else None
+        announce = lambda number: [each.announce(number) for each in (emulators, frames) if each]
         rig = _family(config, "drivers.rig").assemble(
             config, emulators.devices, plan, isotropic, emulators.clock,
-            simulated=True, announce=emulators.announce, make=WireRig,
+            simulated=True, announce=announce, make=WireRig, frames=frames, even=frames.even if frames else None,
         )  # fmt: skip
     except BaseException:
         emulators.close()
         raise
     rig.emulators = emulators
+    rig.stage.poll_s = min(rig.stage.poll_s, LONGEST_POLL_S)
     return rig
+
+
+def _frames(config: RigConfig, emulators, sample, seed: int):
+    """A camera has no bytes to emulate: its frames are made, of where the emulated servos are."""
+    from sim.lit_patch import frames_of
+
+    ids = emulators.devices.stage.ids
+
+    def pose():
+        with emulators.server.lock:
+            return np.radians([emulators.servos[ids[name]].true_angle_deg() for name in config.axis_names])
+
+    return frames_of(config, sample, pose, emulators.light.lamp, emulators.clock, seed)
 
 
 def _family(config: RigConfig, module: str):

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from gonio.config.detectors import CameraConfig, Footprint, PhotodiodeConfig
 from gonio.config.loader import Section
 
 Degrees = Annotated[float, Field(ge=-3600, le=3600)]
@@ -94,22 +95,6 @@ class Acceptance(Section):
     detector_half_angle_deg: float = Field(0.0, ge=0, le=20)
 
 
-class PhotodiodeConfig(Section):
-    """Noise and range of the detector. Unit: its signal from a white diffuser lit and seen at the normal (f = 1/pi)."""
-
-    shot_noise: float = Field(0.005, ge=0, le=1, description="relative, at signal 1; grows as the root of the signal")
-    read_noise: float = Field(1e-4, ge=0, le=1, description="per reading")
-    bits: int = Field(16, ge=1, le=32, description="of the converter; see `ranges`")
-    ranges: int = Field(3, ge=1, le=8)
-    range_factor: float = Field(30.0, gt=1, le=1e4)
-    full_scale: float = Field(8.0, gt=0, description="of the lowest range")
-    dark: float = Field(1e-3, description="signal without light")
-    nonlinearity: float = Field(0.0, ge=-0.1, le=0.1, description="relative deviation at the full scale of a range")
-    footprint: Literal["overfilled", "underfilled"] = Field(
-        "overfilled", description="overfilled: the light covers more than the detector sees; underfilled: less"
-    )
-
-
 class LightConfig(Section):
     """The lamp. warm_up_s is waited for once after it is switched on."""
 
@@ -129,7 +114,8 @@ class FaultsConfig(Section):
 class CalibrationFiles(Section):
     """Files written by `gonio calibrate`, relative to the working directory; none = nominal geometry, nominal gain."""
 
-    camera: str | None = None
+    camera: str | None = Field(None, description="pinhole, distortion, and where the camera sits on its arm")
+    frames: str | None = Field(None, description="the camera's dark and flat frames and bad pixels")
     geometry: str | None = None
     radiometry: str | None = None
     max_age_days: float | None = Field(None, gt=0)
@@ -152,14 +138,11 @@ class ServoBusConfig(PortConfig):
     watchdog_s: float = Field(0.5, ge=0.02, le=2.54)
 
 
-class CameraConfig(Section):
-    """A V4L2 camera; instead of or beside the photodiode."""
+class CameraDeviceConfig(Section):
+    """A V4L2 camera by its stable USB id (/dev/v4l/by-id/...). Uncompressed formats only: MJPEG is lossy and bent."""
 
     device: str = Field(min_length=1)
-    width: int = Field(1280, ge=16)
-    height: int = Field(720, ge=16)
-    exposure_s: tuple[Annotated[float, Field(gt=0, le=10)], ...] = (0.001, 0.008, 0.064)
-    gain: float = 0.0
+    format: Literal["YUYV", "GREY", "Y16 "] = "YUYV"
 
 
 class DevicesConfig(Section):
@@ -168,7 +151,7 @@ class DevicesConfig(Section):
     stage: ServoBusConfig | None = None
     photodiode: PortConfig | None = None
     light: PortConfig | None = None
-    camera: CameraConfig | None = None
+    camera: CameraDeviceConfig | None = None
 
 
 class RigConfig(Section):
@@ -187,7 +170,9 @@ class RigConfig(Section):
     )
     clock_scale: float = Field(1.0, ge=1, le=1e6, description="wire emulators only: how much faster than life they run")
     acceptance: Acceptance = Acceptance()
+    detector: Literal["photodiode", "camera"] = "photodiode"
     photodiode: PhotodiodeConfig = PhotodiodeConfig()
+    camera: CameraConfig = CameraConfig()
     light: LightConfig = LightConfig()
     faults: FaultsConfig = FaultsConfig()
     devices: DevicesConfig = DevicesConfig()
@@ -200,6 +185,16 @@ class RigConfig(Section):
         if isinstance(k, Chain):
             return tuple(dict.fromkeys(j.name for j in (*k.light, *k.sample, *k.detector)))
         return GANTRY_AXES if isinstance(k, Gantry) else GIMBAL_AXES
+
+    @property
+    def footprint(self) -> Footprint:
+        """A camera looks at a part of what is lit: its region lies in the light."""
+        return "overfilled" if self.detector == "camera" else self.photodiode.footprint
+
+    @property
+    def reading_s(self) -> float:
+        """About how long one reading takes."""
+        return self.camera.reading_s if self.detector == "camera" else self.exposure_s
 
     @model_validator(mode="after")
     def _consistent(self) -> "RigConfig":
@@ -226,10 +221,14 @@ class RigConfig(Section):
             if not self.axes[name].lower_deg <= angle <= self.axes[name].upper_deg:
                 raise ValueError(f"park_deg.{name}: {angle:g} lies outside the axis's limits")
         if self.depth == "real":
-            if self.devices.stage is None or (self.devices.photodiode is None and self.devices.camera is None):
-                raise ValueError("devices: a real rig needs a stage and a photodiode or a camera")
+            if self.devices.stage is None or getattr(self.devices, self.detector) is None:
+                raise ValueError(f"devices: a real rig needs a stage and the {self.detector} that `detector` names")
             if self.faults != FaultsConfig():
                 raise ValueError("faults: a real rig has its own; leave this section out")
+        if self.detector == "camera" and self.depth == "ideal":
+            raise ValueError("detector: a rig of depth ideal has none; leave it out, or take depth devices")
+        if self.detector == "camera" and self.camera.region_mm > self.camera.lit_mm:
+            raise ValueError("camera.region_mm: the region reaches beyond the lit patch (camera.lit_mm)")
         if self.devices.stage is not None and set(self.devices.stage.ids) != set(names):
             raise ValueError(f"devices.stage.ids: one servo for each of {', '.join(names)}")
         return self

@@ -8,15 +8,17 @@ import numpy as np
 from gonio.config import rig as config_of
 from gonio.config.rig import RigConfig
 from gonio.geometry import Array, unit
-from gonio.rig.calibration import GeometryCalibration, RadiometryCalibration, load_calibration
+from gonio.rig.calibration import CameraCalibration, GeometryCalibration, RadiometryCalibration, load_calibration
 from gonio.rig.chain import Chain, Joint
 from gonio.rig.devices import Axis
 from gonio.rig.envelope import Envelope
 from gonio.rig.errors import CalibrationMissing
+from gonio.rig.frames import Frames, load_frames
 from gonio.rig.gimbal import Gimbal
 from gonio.rig.kinematics import Gantry, Kinematics
 from gonio.rig.offsets import Offsets
 from gonio.rig.radiometry import Radiometry, nominal
+from gonio.rig.view import View, facing, rotation_of
 
 X, Y, Z = np.eye(3)
 
@@ -33,25 +35,36 @@ def axes_of(config: RigConfig) -> tuple[Axis, ...]:
 
 def kinematics_of(config: RigConfig, calibration: GeometryCalibration | None = None) -> Kinematics:
     """The rig's geometry: closed form unless its axes are tilted, in the encoders' angles."""
+    joints: Kinematics
+    if isinstance(config.kinematics, config_of.Chain) or (calibration and calibration.axes):
+        joints = chain_of(config, calibration)
+    else:
+        joints = Gantry() if isinstance(config.kinematics, config_of.Gantry) else Gimbal()
+    offset = offset_of(config, calibration)
+    return Offsets(joints, offset) if offset.any() else joints
+
+
+def offset_of(config: RigConfig, calibration: GeometryCalibration | None) -> Array:
+    """What the encoders show at each joint's zero (A,)."""
+    found = calibration.offsets_deg if calibration else {}
+    return np.radians([config.axes[name].offset_deg + found.get(name, 0.0) for name in config.axis_names])
+
+
+def chain_of(config: RigConfig, calibration: GeometryCalibration | None = None) -> Chain:
+    """Any rig as a chain of joints, in the joints' angles."""
     c = config.kinematics
     tilts: Mapping[str, Sequence[float]] = calibration.axes if calibration else {}
-    found = calibration.offsets_deg if calibration else {}
-    joints: Kinematics
-    if isinstance(c, config_of.Chain):
-        nearest: Kinematics = Gantry() if c.nearest == "gantry" else Gimbal()
-        light, detector, sample = (
-            [Joint(j.name, np.array(tilts.get(j.name, j.axis))) for j in part]
-            for part in (c.light, c.detector, c.sample)
-        )
-        frame = _frame(np.array(c.normal_rest), np.array(c.mark_rest))
-        rests = np.array(c.light_rest), np.array(c.detector_rest)
-        joints = Chain(light, detector, sample, nearest, *rests, frame, config.axis_names)
-    elif isinstance(c, config_of.Gantry):
-        joints = gantry_chain(tilts) if tilts else Gantry()
-    else:
-        joints = gimbal_chain(tilts) if tilts else Gimbal()
-    offset = [config.axes[name].offset_deg + found.get(name, 0.0) for name in config.axis_names]
-    return Offsets(joints, np.radians(offset)) if any(offset) else joints
+    if isinstance(c, config_of.Gantry):
+        return gantry_chain(tilts)
+    if isinstance(c, config_of.Gimbal):
+        return gimbal_chain(tilts)
+    nearest: Kinematics = Gantry() if c.nearest == "gantry" else Gimbal()
+    light, detector, sample = (
+        [Joint(j.name, np.array(tilts.get(j.name, j.axis))) for j in part] for part in (c.light, c.detector, c.sample)
+    )
+    frame = _frame(np.array(c.normal_rest), np.array(c.mark_rest))
+    rests = np.array(c.light_rest), np.array(c.detector_rest)
+    return Chain(light, detector, sample, nearest, *rests, frame, config.axis_names)
 
 
 def gantry_chain(axes: Mapping[str, Sequence[float]]) -> Chain:
@@ -73,6 +86,22 @@ def envelope_of(config: RigConfig, calibration: GeometryCalibration | None = Non
     return Envelope(kinematics_of(config, calibration), axes_of(config), float(np.radians(config.stay_out_deg)))
 
 
+def view_of(
+    config: RigConfig, geometry: GeometryCalibration | None = None, camera: CameraCalibration | None = None
+) -> View:
+    """What the camera on the detector arm sees; without a calibration of it, as drawn."""
+    c = config.camera
+    chain, offset = chain_of(config, geometry), offset_of(config, geometry)
+    rest = chain.detector_rest
+    drawn = np.array([[c.focal_px, 0, (c.width - 1) / 2], [0, c.focal_px, (c.height - 1) / 2], [0, 0, 1]])
+    matrix, distortion = (np.array(camera.matrix), np.array(camera.distortion)) if camera else (drawn, np.zeros(5))
+    size = camera.size if camera else (c.width, c.height)
+    turn, shift = facing(rest), np.array([0.0, 0.0, c.distance_mm / 1000])
+    if camera is not None and camera.mount_rotation is not None and camera.mount_m is not None:
+        turn, shift = rotation_of(np.array(camera.mount_rotation)), np.array(camera.mount_m)
+    return View(matrix, distortion, size, turn, shift, lambda pose: chain.arm(pose - offset))
+
+
 def park_pose(config: RigConfig) -> Array:
     """The pose of rest (A,)."""
     return np.radians([config.park_deg.get(name, 0.0) for name in config.axis_names])
@@ -84,20 +113,69 @@ def geometry_calibration(config: RigConfig) -> GeometryCalibration | None:
     return load_calibration(Path(c.geometry), GeometryCalibration, c.max_age_days) if c.geometry else None
 
 
+def camera_calibration(config: RigConfig) -> CameraCalibration | None:
+    """The optics and the mount that the rig refers to, None = as drawn. Raises CalibrationMissing.
+
+    A real rig whose detector is a camera has to know where its camera looks.
+    """
+    c = config.calibration
+    if c.camera is None:
+        if config.depth == "real":
+            raise CalibrationMissing(f"rig {config.name}: no calibration.camera; run `gonio calibrate camera`")
+        return None
+    found = load_calibration(Path(c.camera), CameraCalibration, c.max_age_days)
+    if config.depth == "real" and found.mount_m is None:
+        raise CalibrationMissing(
+            f"{c.camera}: does not say where the camera sits; run `gonio calibrate camera` with --poses"
+        )
+    if found.size != (config.camera.width, config.camera.height):
+        raise CalibrationMissing(
+            f"{c.camera}: made for pictures of {found.size[0]} x {found.size[1]}, the rig takes "
+            f"{config.camera.width} x {config.camera.height}"
+        )
+    return found
+
+
+def camera_frames(config: RigConfig) -> Frames | None:
+    """The dark and flat frames that the rig refers to, None = learnt at its start. Raises CalibrationMissing."""
+    c, camera = config.calibration, config.camera
+    if c.frames is None:
+        return None
+    return load_frames(Path(c.frames), camera.exposure_s, (camera.width, camera.height), c.max_age_days)
+
+
+def nominal_radiometry(config: RigConfig, channels: int) -> Radiometry:
+    """That of a detector as drawn: exact for a simulated one; a real one may be moved and calibrated with it."""
+    p, sensor = config.photodiode, config.camera.sensor
+    if config.detector == "camera":
+        gain = np.pi * sensor.white_per_s / sensor.electrons_per_count  # counts per second of f = 1
+        return Radiometry(np.full(channels, gain), np.zeros(channels), config.footprint)
+    return nominal(channels, config.exposure_s, config.footprint, p.nonlinearity)
+
+
 def radiometry_of(config: RigConfig, channels: int) -> Radiometry:
     """How readings become f. Without a calibration, the nominal gain of the simulated detector.
 
     Raises CalibrationMissing where the file is missing, stale, of other channels, or a real rig names none.
     """
-    c, p = config.calibration, config.photodiode
+    c = config.calibration
     if c.radiometry is None:
         if config.depth == "real":
             raise CalibrationMissing(f"rig {config.name}: no calibration.radiometry; run `gonio calibrate radiometry`")
-        return nominal(channels, config.exposure_s, p.footprint, p.nonlinearity)
+        return nominal_radiometry(config, channels)
     found = load_calibration(Path(c.radiometry), RadiometryCalibration, c.max_age_days)
     if len(found.gain) != channels:
         raise CalibrationMissing(f"{c.radiometry}: made for {len(found.gain)} channels, the run has {channels}")
-    return Radiometry(np.array(found.gain), np.array(found.gain_sigma), p.footprint, found.linearity, found.id)
+    return Radiometry(np.array(found.gain), np.array(found.gain_sigma), config.footprint, found.linearity, found.id)
+
+
+def calibration_ids(config: RigConfig, geometry: GeometryCalibration | None, radiometry: Radiometry) -> dict[str, str]:
+    """The calibrations in use, kind -> id."""
+    found: dict[str, str | None] = {"geometry": geometry.id if geometry else None, "radiometry": radiometry.id}
+    if config.detector == "camera":
+        camera, frames = camera_calibration(config), camera_frames(config)
+        found |= {"camera": camera.id if camera else None, "frames": frames.id if frames else None}
+    return {kind: name for kind, name in found.items() if name}
 
 
 def _frame(normal: Array, mark: Array) -> Array:

@@ -44,7 +44,10 @@ class RadiometryCalibration(Dated):
 
 
 class CameraCalibration(Dated):
-    """Pinhole matrix, distortion (OpenCV order), size in pixels, and the reprojection error in pixels."""
+    """Pinhole matrix, distortion (OpenCV order), size in pixels, and the reprojection error in pixels.
+
+    mount: rotation vector (rad) and place (metres) of the sample as the camera sees it with every joint at 0.
+    """
 
     kind: Literal["camera"] = "camera"
     matrix: tuple[Triple, Triple, Triple]
@@ -52,6 +55,9 @@ class CameraCalibration(Dated):
     size: tuple[int, int]
     rms_px: float
     views: int
+    mount_rotation: Triple | None = None
+    mount_m: Triple | None = None
+    mount_rms_px: float | None = None
 
 
 Calibration = TypeVar("Calibration", bound=Dated)

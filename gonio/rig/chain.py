@@ -62,6 +62,17 @@ class Chain:
         wi, wo, _ = self._solve_forward(flat)
         return wi.reshape(*pose.shape[:-1], 3), wo.reshape(*pose.shape[:-1], 3)
 
+    @property
+    def detector_rest(self) -> Array:
+        """Where the detector is with every joint at 0, (3,) in the lab."""
+        return np.asarray(self._rest[1])
+
+    def arm(self, pose: Array) -> Array:
+        """Rotation (3, 3) from the sample's frame into that of the detector arm, which is the lab's at rest."""
+        seen, _ = _rotation(self._detector, np.asarray(pose, float)[None])
+        sample, _ = _rotation(self._sample, np.asarray(pose, float)[None])
+        return np.asarray(seen[0].T @ sample[0] @ self._frame)
+
     def inverse(self, wi: Array, wo: Array, near: Array) -> Array:
         near_closed = self._closed(near)
         return self._refine(self.nearest.inverse(wi, wo, near_closed), wi, wo, near)
