@@ -95,7 +95,7 @@ def _within_budget(batch: Batch, budget: int | None, measured: int) -> Batch:
 
 
 def _store(store: Store, rig: Rig, seen: Visited, asked) -> None:
-    store.put("rig", rig.state())
+    store.keep(rig.state())
     directions = np.concatenate([seen.wi, seen.wo], 1)
     store.add(seen.ids, asked, directions, seen.f, seen.sigma, seen.saturated, seen.raw, seen.rig_s)
 

@@ -65,7 +65,8 @@ class Run:
             )
         good_enough = GoodEnough(material, store)
         try:
-            _restore_rig(rig, store)
+            if state := store.kept():
+                rig.restore(state)
             sampler = make_sampler(material, rig.reachable, good_enough.fit_surrogate)
             reason = acquire(
                 sampler, rig, store, material, watch=watch, interrupted=interrupted, good_enough=good_enough
@@ -103,7 +104,7 @@ def start(material: Material, rig: RigConfig, out: str | os.PathLike[str] | None
         stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
         out = Path("runs") / material.name / f"{stamp}-{secrets.token_hex(2)}"
     config = RunConfig(material=material, rig=rig)
-    store = Store.create(out, dump(config), provenance(material, rig, origin), _interval(rig))
+    store = Store.create(out, dump(config), provenance(material, rig, origin), **_care(rig))
     store.event(
         "started", f"gonio {gonio.__version__}, rig {rig.name} ({rig.depth}), truth {origin or 'what lies on the rig'}"
     )
@@ -120,7 +121,7 @@ def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = ()) -> R
                 f"--set {o}: a run keeps what its chain was started with; only budget, stop and reconstruct may change"
             )
     truth, origin = find_truth(config.material, config.rig)
-    store = Store.open(folder, write=True, commit_interval=_interval(config.rig))
+    store = Store.open(folder, write=True, **_care(config.rig))
     if overrides:
         (Path(folder) / "config.yaml").write_text(dump(config))
     store.event("resumed", f"gonio {gonio.__version__}, truth {origin or 'what lies on the rig'}")
@@ -190,12 +191,6 @@ def _git() -> str:
     return done.stdout.strip()
 
 
-def _interval(rig: RigConfig) -> float:
-    """An ideal rig has no motion to wait for: commits 50 ms apart cost a kill nothing that could not be had again."""
-    return 0.05 if rig.depth == "ideal" else 0.0
-
-
-def _restore_rig(rig, store: Store) -> None:
-    state = store.get("rig")
-    if state:
-        rig.restore(state)
+def _care(rig: RigConfig) -> dict[str, Any]:
+    """How a run is kept: real readings cannot be had again, simulated ones can, and an ideal rig's cost nothing."""
+    return {"commit_interval": 0.05 if rig.depth == "ideal" else 0.0, "power_safe": rig.depth == "real"}

@@ -2,9 +2,11 @@
 
     runs/<material>/<UTC stamp>-<short id>/   config.yaml  run.sqlite  log.txt  brdf.npz  brdf.bsdf  report.html
 
-A measurement is on disk before the next motion of a real rig begins (`synchronous=FULL`); an ideal rig, whose motions
-take no time, commits at most 50 ms apart. No state of the chain is kept: what a chain does follows from its seed and
-the answers it got, so that telling it the stored answers again makes it the chain it was (gonio.acquire.replay).
+A measurement is committed before the next motion begins; an ideal rig, whose motions take no time, commits at most
+50 ms apart. What that survives: a process killed at any moment, always. A power cut, where the readings are of a real
+sample (`synchronous=FULL`: the disk has them); simulated readings (`NORMAL`) may lose those since the last checkpoint
+then, and the file is whole all the same. No state of the chain is kept: what a chain does follows from its seed and the
+answers it got, so that telling it the stored answers again makes it the chain it was (gonio.acquire.replay).
 """
 
 import contextlib
@@ -13,7 +15,7 @@ import json
 import os
 import sqlite3
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,7 @@ from numpy.typing import NDArray
 from gonio.geometry import Array
 
 FORMAT = 1
+RIG = "rig."  # keys of the rig's state in `meta`
 STEP_COLUMNS = ("chain", "step", "kind", "id", "accepted", "log_q", "state", "log_p")
 SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -68,17 +71,27 @@ class Measured:
 
 
 class Store:
-    """An open run. `create` makes the folder, `open` goes on with one; both hold its lock until `close`."""
+    """An open run. `create` makes the folder, `open` goes on with one; both hold its lock until `close`.
+
+    commit_interval: seconds, 0 = each addition by itself. power_safe: whether a commit waits for the disk.
+    """
 
     def __init__(self, folder: Path, db: sqlite3.Connection, lock: int | None, commit_interval: float):
         self.folder, self._db, self._lock, self._interval = folder, db, lock, commit_interval
         self._began = time.monotonic()
         self._last_commit = self._began
         self._wall_before = 0.0
+        self._kept: dict[str, Any] = {}  # parts of the rig's state, as written last
 
     @classmethod
     def create(
-        cls, folder: str | os.PathLike[str], config_yaml: str, provenance: dict[str, Any], commit_interval: float = 0.0
+        cls,
+        folder: str | os.PathLike[str],
+        config_yaml: str,
+        provenance: dict[str, Any],
+        *,
+        commit_interval: float = 0.0,
+        power_safe: bool = True,
     ) -> "Store":
         """A new run. Raises StoreError where the folder exists or cannot be made."""
         folder = Path(folder)
@@ -95,9 +108,9 @@ class Store:
             with _explained(folder):
                 lock = _take_lock(folder)
                 (folder / "config.yaml").write_text(config_yaml)
-                db = _connect(folder / "run.sqlite")
+                db = _connect(folder / "run.sqlite", power_safe)
                 db.executescript(SCHEMA)
-                meta = {"format": FORMAT, "provenance": provenance, "rig": {}, "ended": ""}
+                meta = {"format": FORMAT, "provenance": provenance, "ended": ""}
                 db.executemany("INSERT INTO meta VALUES (?, ?)", [(k, json.dumps(v)) for k, v in meta.items()])
                 db.commit()
         except StoreError:
@@ -106,7 +119,9 @@ class Store:
         return cls(folder, db, lock, commit_interval)
 
     @classmethod
-    def open(cls, folder: str | os.PathLike[str], *, write: bool, commit_interval: float = 0.0) -> "Store":
+    def open(
+        cls, folder: str | os.PathLike[str], *, write: bool, commit_interval: float = 0.0, power_safe: bool = True
+    ) -> "Store":
         """An existing run, to read or to go on with. Raises StoreError: no run, newer format, in use, damaged."""
         folder = Path(folder)
         path = folder / "run.sqlite"
@@ -115,7 +130,7 @@ class Store:
         with _explained(folder):
             lock = _take_lock(folder) if write else None
             try:
-                db = _connect(path)
+                db = _connect(path, power_safe)
                 found = json.loads(db.execute("SELECT value FROM meta WHERE key = 'format'").fetchone()[0])
             except BaseException:
                 if lock is not None:
@@ -166,6 +181,14 @@ class Store:
         with _explained(self.folder):
             self._db.execute("INSERT OR REPLACE INTO meta VALUES (?,?)", (key, json.dumps(value)))
 
+    def keep(self, state: Mapping[str, Any]) -> None:
+        """The rig's state, in parts; a part that is what it was is not written again."""
+        changed = {k: v for k, v in state.items() if k not in self._kept or self._kept[k] != v}
+        with _explained(self.folder):
+            rows = [(RIG + k, json.dumps(v)) for k, v in changed.items()]
+            self._db.executemany("INSERT OR REPLACE INTO meta VALUES (?,?)", rows)
+        self._kept |= changed
+
     def commit(self) -> None:
         with _explained(self.folder):
             self._db.commit()
@@ -181,6 +204,12 @@ class Store:
         with _explained(self.folder):
             row = self._db.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
         return default if row is None else json.loads(row[0])
+
+    def kept(self) -> dict[str, Any]:
+        """The rig's state, as kept last; empty where there is none."""
+        with _explained(self.folder):
+            rows = self._db.execute("SELECT key, value FROM meta WHERE key GLOB ?", (RIG + "*",)).fetchall()
+        return {key.removeprefix(RIG): json.loads(value) for key, value in rows}
 
     def measured(self) -> Measured:
         with _explained(self.folder):
@@ -236,10 +265,10 @@ def _numbers(blobs: Sequence[bytes], empty_width: int) -> Array:
     return np.frombuffer(b"".join(blobs)).reshape(len(blobs), -1) if blobs else np.empty((0, empty_width))
 
 
-def _connect(path: Path) -> sqlite3.Connection:
+def _connect(path: Path, power_safe: bool) -> sqlite3.Connection:
     db = sqlite3.connect(path, timeout=5, check_same_thread=False)
     db.execute("PRAGMA journal_mode=WAL")
-    db.execute("PRAGMA synchronous=FULL")
+    db.execute(f"PRAGMA synchronous={'FULL' if power_safe else 'NORMAL'}")
     return db
 
 

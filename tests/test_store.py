@@ -15,7 +15,7 @@ def filled(folder, n=5):
     d, f = rng.random((n, 6)), rng.random((n, 3))
     f[0] = np.nan
     store.add(np.arange(n), d, d + 1, f, f / 10, np.zeros(n, bool), (), np.ones(n))
-    store.put("rig", {"pose": [1, 2]})
+    store.keep({"pose": [1, 2]})
     store.event("started", "here")
     return store, d, f
 
@@ -26,7 +26,7 @@ def test_what_was_stored_comes_back_to_the_bit(tmp_path):
     with Store.open(tmp_path / "run", write=False) as again:
         m = again.measured()
         assert np.array_equal(m.asked, d) and np.array_equal(m.seen, d + 1) and np.array_equal(m.f, f, equal_nan=True)
-        assert again.get("rig") == {"pose": [1, 2]} and again.events()[0][1:] == ("started", "here")
+        assert again.kept() == {"pose": [1, 2]} and again.events()[0][1:] == ("started", "here")
 
 
 def test_an_empty_run_can_be_read(tmp_path):

@@ -23,9 +23,14 @@ class Approach:
         room = np.where(self.backlash > 0, 1.5 * self.backlash + 2 * step, 0.0)
         self._room = np.where(step > 0, np.ceil(room / np.where(step > 0, step, 1)) * step, room)
 
-    def legs(self, start: Array, end: Array, seconds: Callable[[Array], Array]) -> Array | None:
-        """Poses (K, A) to drive through, `end` last, all inside the limits and clear of the cone; None = no way."""
-        way = route(self.envelope, start, end, seconds)
+    def legs(
+        self, start: Array, end: Array, seconds: Callable[[Array], Array], *, straight: bool = False
+    ) -> Array | None:
+        """Poses (K, A) to drive through, `end` last, all inside the limits and clear of the cone; None = no way.
+
+        straight: the straight way is known to be clear.
+        """
+        way = end[None] if straight else route(self.envelope, start, end, seconds)
         if way is None or not self.backlash.any():
             return way
         matters = self._matters(end) if self.one_sided == "needed" else self.backlash > 0

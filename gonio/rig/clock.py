@@ -1,7 +1,10 @@
 """Clocks of one form. A simulated rig spends rig seconds on the virtual one without spending CPU seconds."""
 
+import threading
 import time
 from typing import Protocol
+
+LEAST_S = 1e-4  # a shorter wait costs the machine more than it lasts
 
 
 class Clock(Protocol):
@@ -38,14 +41,31 @@ class VirtualClock:
 
 
 class ScaledClock:
-    """The machine's clock, `scale` times as fast: for emulators that live faster than life."""
+    """The machine's clock on which waiting is `scale` times shorter: what a wait leaves out is added to `now`.
+
+    For emulators that live faster than life. What the machine itself takes counts as what it is, so that seconds on
+    this clock are those of a real rig driven by this machine; with a scale of 1 it is the machine's clock.
+    """
 
     def __init__(self, scale: float):
         self.scale = scale
+        self._skipped = 0.0
+        self._lock = threading.Lock()
 
     def now(self) -> float:
-        return time.monotonic() * self.scale
+        return time.monotonic() + self._skipped
 
     def sleep(self, seconds: float) -> None:
+        """Waits of several threads run side by side: the longest counts."""
         if seconds > 0:
-            time.sleep(seconds / self.scale)
+            end = self.now() + seconds
+            if seconds / self.scale > LEAST_S:
+                time.sleep(seconds / self.scale)
+            with self._lock:
+                self._skipped += max(0.0, end - self.now())
+
+    def hurry(self, seconds: float) -> float:
+        """Somebody else waits so long: the machine seconds that is to take; the rest has passed when this returns."""
+        with self._lock:
+            self._skipped += seconds * (1 - 1 / self.scale)
+        return seconds / self.scale

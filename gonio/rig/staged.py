@@ -9,6 +9,7 @@ Nothing moves before homing is confirmed, outside the limits, or into the cone. 
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, suppress
 from types import MappingProxyType
 from typing import Any
 
@@ -26,7 +27,7 @@ from gonio.rig.envelope import Envelope
 from gonio.rig.errors import RigError, SafetyStop
 from gonio.rig.levels import Levels
 from gonio.rig.motion import move_time
-from gonio.rig.pending import Pending, pack, unpack
+from gonio.rig.pending import Pending
 from gonio.rig.plan import Planner
 from gonio.rig.radiometry import Dark, Radiometry
 
@@ -35,12 +36,12 @@ class StagedRig:
     """Implements `gonio.rig.devices.Rig`.
 
     announce(id), if given, is called before each measurement: simulated devices draw its noise from it (dark readings
-    have negative ids). release(), if given, lets the devices go at `close`. `surrogate(wi, wo) -> f (N, C)` may be set
-    to predict readings, which saves trials of ranges.
+    have negative ids). release(), if given, lets the devices go at `close`. `surrogate(wi, wo) -> f (N, C)`, or None
+    where it knows nothing yet, may be set to predict readings, which saves trials of ranges and exposures.
     """
 
     calibration_ids: Mapping[str, str] = MappingProxyType({})  # for the run's provenance
-    surrogate: Callable[[Array, Array], Array] | None = None
+    surrogate: Callable[[Array, Array], Array | None] | None = None
 
     def __init__(
         self,
@@ -66,7 +67,7 @@ class StagedRig:
         backlash = np.radians([config.axes[name].backlash_deg for name in config.axis_names])
         self.approach = Approach(envelope, backlash, plan.one_sided, self.planner.free)
         self.levels = Levels(detector, light, radiometry, config.exposure_s, plan, announce)
-        self._pending: Pending = ([], np.empty((0, len(envelope.axes))))
+        self._pending = Pending.none(len(envelope.axes))
         self._rest = envelope.snap(park_pose(config))
         self._stop = threading.Event()
         # a virtual clock has one thread only, and nothing to gain from a second
@@ -97,6 +98,9 @@ class StagedRig:
                 if self._stop.is_set():
                     return
         except (RigError, OSError):
+            if self._ahead:
+                with suppress(RigError):
+                    self.stage.stop()
             self.light.off()
             raise
         rest = np.flatnonzero(~done)
@@ -105,7 +109,7 @@ class StagedRig:
 
     def _tours(self, wi: Array, wo: Array, ids: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], Array]]:
         """First what a run that was interrupted had planned, if that is what is asked for; then the rest."""
-        numbers, poses = self._pending
+        numbers, poses = self._pending.left()
         place = {int(n): k for k, n in enumerate(ids)}
         start = self.stage.pose()
         left = np.arange(len(ids))
@@ -115,11 +119,15 @@ class StagedRig:
             start, left = poses[-1], np.setdiff1d(left, which)
         for tour in self.planner.tours(wi[left], wo[left], start):
             which = left[tour.which]
-            self._pending = (ids[which].tolist(), tour.poses)
+            self._pending = Pending(ids[which].tolist(), tour.poses)
             yield which, tour.poses
 
     def _drive(self, wi: Array, wo: Array, ids: NDArray[np.int64], poses: Array) -> Iterator[Visited]:
+        """Measure at each pose (M, A) of a tour."""
         begun = self.clock.now()
+        predicted = self._predict(wi, wo)
+        before = np.concatenate([self.stage.pose()[None], poses[:-1]])
+        straight = self.envelope.path_clear(before, poses)  # of all at once: one by one it takes far longer
         moving: Future[Array | None] | None = None
         for k, number in enumerate(ids.tolist()):
             if self.levels.reference_is_due and self._go(self._rest) is not None:
@@ -127,7 +135,7 @@ class StagedRig:
                 self.levels.look_at_reference(number)
             dark = self.levels.dark(number)
             self.announce(number)
-            at = moving.result() if moving else self._go(poses[k])
+            at = moving.result() if moving else self._go(poses[k], before[k] if straight[k] else None)
             if self._stop.is_set():
                 return  # wherever it came to rest, that is no measurement
             moving = None
@@ -135,18 +143,21 @@ class StagedRig:
                 seen = self._nothing(ids[k : k + 1], wi[k : k + 1], wo[k : k + 1])
             else:
                 self.clock.sleep(self.config.settle_s)
-                seen = self._measure(number, wi[k], wo[k], poses[k], at, dark, begun)
+                if predicted is not None:
+                    self.detector.expect(self.radiometry.expected(predicted[k], wi[k], wo[k], self.config.exposure_s))
+                seen = self._measure(number, poses[k], at, dark, begun)
                 self.levels.count()
             begun = self.clock.now()
-            self._pending = (self._pending[0][1:], self._pending[1][1:])
+            self._pending.done += 1
             if self._ahead and k + 1 < len(ids) and not self.levels.reference_is_due:
-                moving = self._ahead.submit(self._go, poses[k + 1])
+                moving = self._ahead.submit(self._go, poses[k + 1], poses[k] if straight[k + 1] else None)
             yield seen
 
-    def _measure(self, number: int, wi: Array, wo: Array, pose: Array, at: Array, dark: Dark, begun: float) -> Visited:
-        if self.plan.predict_range and self.surrogate is not None:
-            f = self.surrogate(wi[None], wo[None])[0]
-            self.detector.expect(self.radiometry.expected(f, wi, wo, self.config.exposure_s))
+    def _predict(self, wi: Array, wo: Array) -> Array | None:
+        """f (M, C) that the surrogate expects; None where it is not asked, or does not know."""
+        return self.surrogate(wi, wo) if self.plan.predict_range and self.surrogate is not None else None
+
+    def _measure(self, number: int, pose: Array, at: Array, dark: Dark, begun: float) -> Visited:
         reading = self.detector.read(self.config.exposure_s)
         wi, wo = self.envelope.kinematics.forward(at)
         f, sigma = self.radiometry.reduce(reading, dark, wi, wo, self.levels.drift)
@@ -162,15 +173,17 @@ class StagedRig:
         nan = np.full((n, self.channels), np.nan)
         return Visited(ids, wi, wo, nan, nan, np.zeros(n, bool), ({},) * n, np.zeros(n))
 
-    def _go(self, pose: Array) -> Array | None:
+    def _go(self, pose: Array, straight_from: Array | None = None) -> Array | None:
         """Drive to a pose by a way that is clear; the pose achieved, None where there is no way.
 
-        Ends early when stopped. Raises SafetyStop, DeviceFault.
+        straight_from: a pose from where the straight way is known to be clear. Ends early when stopped. Raises
+        SafetyStop, DeviceFault.
         """
         if not self.stage.homed:
             raise SafetyStop(f"rig {self.config.name}: not homed; run `gonio home` before anything moves")
         start = self.stage.pose()
-        legs = self.approach.legs(start, pose, self._seconds)
+        known = straight_from is not None and np.array_equal(start, straight_from)
+        legs = self.approach.legs(start, pose, self._seconds, straight=known)
         if legs is None:
             return None
         at = start
@@ -191,15 +204,19 @@ class StagedRig:
         self.stage.allow()
 
     def state(self) -> dict[str, Any]:
-        """Levels, and the rest of the tour under way; of simulated devices, also where they are."""
-        state: dict[str, Any] = {"levels": self.levels.state(), "pending": pack(self._pending)}
+        """Levels, and the tour under way; of simulated devices, also where they are."""
+        state: dict[str, Any] = {
+            "levels": self.levels.state(),
+            "tour": self._pending.text,
+            "done": self._pending.done,
+        }
         if isinstance(self.clock, VirtualClock):
             state["clock_s"] = self.clock.now()
             state["devices"] = {name: device.state() for name, device in self._resumable()}
         return state
 
     def restore(self, state: dict[str, Any]) -> None:
-        self._pending = unpack(state["pending"], len(self.envelope.axes))
+        self._pending = Pending.of_text(state["tour"], state["done"], len(self.envelope.axes))
         if isinstance(self.clock, VirtualClock):
             self.clock.sleep(state["clock_s"] - self.clock.now())
             for name, device in self._resumable():
@@ -253,9 +270,9 @@ class StagedRig:
 
     def close(self) -> None:
         self._stop.set()
-        try:
-            self.light.off()
-        finally:
-            if self._ahead:
-                self._ahead.shutdown(wait=True)
-            self._release()
+        with ExitStack() as last_first:  # each of them, whatever becomes of the others
+            last_first.callback(self._release)
+            last_first.callback(self.light.off)
+            if self._ahead:  # a motion begun ahead of its turn has nobody who waits for its end
+                last_first.callback(self._ahead.shutdown)
+                last_first.callback(self.stage.stop)

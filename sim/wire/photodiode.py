@@ -10,12 +10,13 @@ import numpy as np
 
 from gonio.config.rig import PhotodiodeConfig
 from gonio.geometry import Array
+from gonio.rig.clock import ScaledClock
 from sim.noise import PHOTODIODE, generator
 from sim.wire.text import TextDevice
 
 
 class WirePhotodiode(TextDevice):
-    """scene() is the signal (C,) per nominal exposure, dark not included; scale: how much faster than life it runs."""
+    """scene() is the signal (C,) per nominal exposure, dark not included; exposures pass on `clock`."""
 
     def __init__(
         self,
@@ -24,7 +25,7 @@ class WirePhotodiode(TextDevice):
         channels: int,
         exposure: float,
         seed: int,
-        scale: float = 1.0,
+        clock: ScaledClock,
     ):
         super().__init__(
             {
@@ -38,7 +39,7 @@ class WirePhotodiode(TextDevice):
             }
         )
         self.config, self.scene, self.channels, self.exposure = config, scene, channels, exposure
-        self.seed, self.scale = seed, scale
+        self.seed, self.clock = seed, clock
         self.full_scale = config.full_scale * config.range_factor ** np.arange(config.ranges)
         self.lsb = self.full_scale / 2**config.bits
         self._reset("")
@@ -66,7 +67,7 @@ class WirePhotodiode(TextDevice):
     def _read(self, text: str) -> str:
         c = self.config
         seconds = float(text)
-        self.busy_s = seconds / self.scale
+        self.busy_s = self.clock.hurry(seconds)
         scale = seconds / self.exposure
         light = self.scene() * scale
         if self._unsettled:  # the amplifier is still on its way

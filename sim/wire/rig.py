@@ -2,6 +2,7 @@
 
 import shutil
 import tempfile
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -37,18 +38,20 @@ class Emulators:
         order = [ids[name] for name in config.axis_names]
         lamp = SimLight(config.light, self.clock)
 
+        def shown(*pose_deg: float) -> Array:
+            wi, wo = envelope.kinematics.forward(np.radians(pose_deg))
+            cosine = wi[2] if config.photodiode.footprint == "overfilled" else wo[2]
+            return np.pi * max(cosine, 0.0) * sample.eval(wi[None], wo[None])[0]
+
+        shown = lru_cache(2)(shown)  # several readings are made of one pose: ranges tried, darks
+
         def scene() -> Array:
             power = lamp.power()
             if power == 0:
                 return np.zeros(sample.channels)
-            pose = np.radians([self.servos[k].true_angle_deg() for k in order])
-            wi, wo = envelope.kinematics.forward(pose)
-            cosine = wi[2] if config.photodiode.footprint == "overfilled" else wo[2]
-            return np.pi * power * max(cosine, 0.0) * sample.eval(wi[None], wo[None])[0]
+            return power * shown(*[self.servos[k].true_angle_deg() for k in order])
 
-        self.photodiode = WirePhotodiode(
-            config.photodiode, scene, sample.channels, config.exposure_s, seed, config.clock_scale
-        )
+        self.photodiode = WirePhotodiode(config.photodiode, scene, sample.channels, config.exposure_s, seed, self.clock)
         self.bus, self.light = ServoBus(self.servos), WireLight(lamp)
         self.folder = Path(tempfile.mkdtemp(prefix="gonio-wire-"))
         devices: dict[str, Device] = {"stage": self.bus, "photodiode": self.photodiode, "light": self.light}

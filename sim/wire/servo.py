@@ -41,7 +41,8 @@ class Servo:
         self.troubles = Troubles()
         self.backlash, self._lag = backlash_deg / COUNT_DEG, 0.0
         self._from = self._to = float(position)
-        self._begun, self._v, self._a = clock.now(), 1.0, 1.0
+        self._begun = self._until = clock.now()
+        self._v = self._a = 1.0
         self._fed = time.monotonic()
         for address, value in {**EEPROM, 0: model, 7: number}.items():
             self.put(address, value)
@@ -113,12 +114,10 @@ class Servo:
     def refresh(self) -> None:
         """Present values of now."""
         now = self.clock.now()
-        here = self.position(now)
-        moving = now < self._begun + self._seconds()
-        shown = self.get(116, True) if self.troubles.lies else round(here)
+        moving = now < self._until
+        shown = self.get(116, True) if self.troubles.lies else round(self.position(now))
         self.put(132, shown)
-        self.table[122] = moving
-        self.table[123] = (0 if moving else 1) | (2 if moving else 0)
+        self.table[122:124] = b"\1\2" if moving else b"\0\1"
 
     @property
     def alert(self) -> int:
@@ -150,12 +149,16 @@ class Servo:
         else:
             self._v = min(v * 1.374 / COUNT_DEG or top, top)
             self._a = (a or 1000) * 21.46 / COUNT_DEG
+        self._until = now + self._seconds()
 
     def hold(self, here: float) -> None:
         """Stand still here; in position mode the goal is the present position then."""
-        self._from = self._to = here
-        self._begun = self.clock.now()
+        self._stand(here)
         self.put(116, round(here))
+
+    def _stand(self, here: float) -> None:
+        self._from = self._to = here
+        self._begun = self._until = self.clock.now()
 
     def _seconds(self) -> float:
         d = abs(self._to - self._from)
@@ -163,10 +166,9 @@ class Servo:
         return 2 * math.sqrt(d / self._a) if d < ramp else d / self._v + self._v / self._a
 
     def position(self, now: float) -> float:
-        d = abs(self._to - self._from)
-        total, t = self._seconds(), now - self._begun
-        if t >= total or d == 0:
+        if now >= self._until:
             return self._to
+        d, total, t = abs(self._to - self._from), self._until - self._begun, now - self._begun
         t_ramp = min(self._v / self._a, total / 2)
         if t < t_ramp:
             s = 0.5 * self._a * t * t
@@ -187,10 +189,9 @@ class Servo:
         silent = now - self._fed
         self._fed = now
         if self.table[98] and self.table[98] != 255 and silent > waits:
-            scale = getattr(self.clock, "scale", 1.0)
-            here = self.position(self.clock.now() - (silent - waits) * scale)
+            here = self.position(self.clock.now() - (silent - waits))
             self.table[98] = 255
-            self._from = self._to = here
+            self._stand(here)
 
     def fail(self, bit: int) -> None:
         """Overload (5), overheat (2), voltage (0) …: register 70; what the shutdown mask names takes the torque."""
@@ -198,4 +199,4 @@ class Servo:
         self.put(70, self.get(70) | 1 << bit)
         if self.get(63) >> bit & 1:
             self.put(64, 0)
-            self._from = self._to = here
+            self._stand(here)

@@ -173,7 +173,7 @@ def test_not_homed():
 
 def test_the_surrogate_tells_the_detector_what_to_expect():
     rig, _ = make()
-    rig.surrogate = lambda wi, wo: np.full((1, 3), 0.25)
+    rig.surrogate = lambda wi, wo: np.full((len(wi), 3), 0.25)
     list(rig.visit(WI, WO, IDS))
     np.testing.assert_allclose(rig.detector.expected[0], np.pi * 0.25 * np.cos(0.5), rtol=1e-12)
 
