@@ -36,8 +36,7 @@ POLL_S = 0.02  # machine seconds between two polls of servos on the move
 def open_real(config: RigConfig, plan: PlanConfig, isotropic: bool, *, calibrated: bool = True) -> StagedRig:
     """A rig of hardware, homed and ready. Raises DeviceFault, CalibrationMissing.
 
-    calibrated: it is to measure f. One that is only to be moved, or is about to be calibrated, needs no calibration of
-    its detector.
+    calibrated: it is to measure f. One that is only to be moved, or is about to be calibrated, needs no radiometry.
     """
     return assemble(config, config.devices, plan, isotropic, RealClock(), calibrated=calibrated)
 
@@ -135,7 +134,7 @@ def camera_detector(
         if even is not None:
             with even():
                 camera.learn_flat()
-    view = view_of(config, geometry_calibration(config), camera_calibration(config) if calibrated else None)
+    view = view_of(config, geometry_calibration(config), camera_calibration(config, to_measure=calibrated))
     diameter = config.camera.region_mm / 1000
     return CameraDetector(camera, config.exposure_s, lambda: view.disk(diameter, pose()))
 

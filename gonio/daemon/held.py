@@ -44,8 +44,10 @@ class Held:
             self.close()
         if self.rig is None or (truth is not None and self.config.depth != "real"):
             self.close()
-            if not calibrated and self.config.depth == "real" and self.config.calibration.radiometry is None:
-                self.rig = _without_radiometry(self.config)
+            if not calibrated and self.config.depth == "real":
+                from drivers.rig import open_real
+
+                self.rig = open_real(self.config, PlanConfig(), False, calibrated=False)
                 self._opened_for = None
                 return self.rig
             if self.config.depth != "real" and truth is None:
@@ -76,10 +78,3 @@ class Held:
 
     def __exit__(self, *exc) -> None:
         self.close()
-
-
-def _without_radiometry(config: RigConfig) -> Rig:
-    """A real rig that nobody has calibrated yet. At depth `wire`, the same drivers take the nominal gain."""
-    from drivers.rig import open_real
-
-    return open_real(config.model_copy(update={"depth": "wire"}), PlanConfig(), False)

@@ -113,18 +113,18 @@ def geometry_calibration(config: RigConfig) -> GeometryCalibration | None:
     return load_calibration(Path(c.geometry), GeometryCalibration, c.max_age_days) if c.geometry else None
 
 
-def camera_calibration(config: RigConfig) -> CameraCalibration | None:
+def camera_calibration(config: RigConfig, *, to_measure: bool = True) -> CameraCalibration | None:
     """The optics and the mount that the rig refers to, None = as drawn. Raises CalibrationMissing.
 
-    A real rig whose detector is a camera has to know where its camera looks.
+    A real rig whose detector is a camera has to know where its camera looks if it is to measure f.
     """
-    c = config.calibration
+    c, real = config.calibration, config.depth == "real" and to_measure
     if c.camera is None:
-        if config.depth == "real":
+        if real:
             raise CalibrationMissing(f"rig {config.name}: no calibration.camera; run `gonio calibrate camera`")
         return None
-    found = load_calibration(Path(c.camera), CameraCalibration, c.max_age_days)
-    if config.depth == "real" and found.mount_m is None:
+    found = load_calibration(Path(c.camera), CameraCalibration, c.max_age_days if to_measure else None)
+    if real and found.mount_m is None:
         raise CalibrationMissing(
             f"{c.camera}: does not say where the camera sits; run `gonio calibrate camera` with --poses"
         )
