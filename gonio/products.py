@@ -87,6 +87,45 @@ def make_report(folder: Path) -> Path:
     return path
 
 
+def make_figures(folder: Path, which: str, truth: str | None = None) -> list[str]:
+    """The thesis's figures on this run's data, in RUN/figures: all of them ("thesis") or one, by its number.
+
+    Lines that say what was made. Raises Missing for one that this run does not allow, ConfigError for no such figure.
+    """
+    from gonio.render.thesis.page import FIGURES, make_all, make_figure
+
+    if which != "thesis" and which not in FIGURES:
+        raise ConfigError(f"--figures {which}: not `thesis` or one of {', '.join(FIGURES)}")
+    subject = _subject(folder, truth)
+    out = Path(folder) / "figures"
+    out.mkdir(exist_ok=True)
+    if which == "thesis":
+        return make_all(subject, out)
+    return [f"figure {which}  {make_figure(which, subject, out)}"]
+
+
+def _subject(folder: Path, truth: str | None):
+    from gonio.render.thesis.subject import Subject
+
+    material = read_config(folder).material
+    name = truth or material.truth
+    path = Path(folder) / "flow.npz"
+    flow = gonio.load_brdf(path) if path.exists() else None
+    with Store.open(folder, write=False) as store:
+        samples = load_samples(store)
+    return Subject(
+        name=material.name,
+        proposal=material.sampler.proposal,
+        channels=material.channels,
+        samples=samples,
+        ours=gonio.load_brdf(folder),
+        truth=None if name is None else open_truth(name),
+        density=flow if hasattr(flow, "log_prob") else getattr(flow, "density", None),
+        flow=flow,
+        seed=material.seed,
+    )
+
+
 def render_run(folder: Path, truth: str | None, size: int, spp: int) -> list[str]:
     """render.png and render.json in the run: truth, ours, difference in Mitsuba 3; the lines that say so."""
     from gonio.brdf.library import find

@@ -54,11 +54,23 @@ def export(
     typer.echo(export_run(run, format, out))
 
 
-def report(run: RunFolder) -> None:
-    """Write report.html: samples, slices beside the truth, acceptance, a shaded sphere."""
-    from gonio.products import make_report
+def report(
+    run: RunFolder,
+    figures: Annotated[
+        str | None, typer.Option(help="`thesis`: the figures of the 2024 thesis on this run, or one by its number, 6.3")
+    ] = None,
+    truth: Annotated[
+        str | None, typer.Option(help="with --figures: the BRDF to compare with [default: the run's own truth]")
+    ] = None,
+) -> None:
+    """Write report.html: samples, slices beside the truth, acceptance, a shaded sphere; or figures of the thesis."""
+    from gonio.products import make_figures, make_report
 
-    typer.echo(make_report(run))
+    if figures is None:
+        typer.echo(make_report(run))
+        return
+    for line in make_figures(run, figures, truth):
+        typer.echo(line)
 
 
 def render(
