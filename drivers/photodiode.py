@@ -1,4 +1,4 @@
-"""The photodiode: ranges found by trying, each range's first reading thrown away, readings averaged if asked.
+"""The photodiode: ranges found by trying, each range's first reading thrown away, readings averaged to a target.
 
     *IDN?          -> *IDN? maker,model,serial,firmware,channels
     *RST           -> *RST                                         lowest ranges, counter 0
@@ -10,6 +10,7 @@
 Signals are NR3, in the instrument's own unit.
 """
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,11 +20,11 @@ from drivers.gone import PortGone
 from drivers.text_line import Refused, TextLine
 from gonio.config.rig import PhotodiodeConfig
 from gonio.geometry import Array
+from gonio.rig.averaging import readings_needed, sigma_of
 from gonio.rig.devices import Reading
 from gonio.rig.errors import DeviceFault
 
 FILL = 0.9  # of a range's full scale that is used
-MOST = 100  # readings that one average may take
 
 
 @dataclass(frozen=True)
@@ -39,13 +40,10 @@ class Sample:
 
 
 class Photodiode:
-    """Implements `gonio.rig.devices.Detector`. Noise figures as in the config, for sigma.
+    """Implements `gonio.rig.devices.Detector`. Noise figures as in the config, for sigma. Call `connect` first."""
 
-    target: relative sigma to average down to, None = one reading. Call `connect` first.
-    """
-
-    def __init__(self, line: TextLine, config: PhotodiodeConfig, exposure: float, *, target: float | None = None):
-        self.line, self.config, self.exposure, self.target = line, config, exposure, target
+    def __init__(self, line: TextLine, config: PhotodiodeConfig, exposure: float):
+        self.line, self.config, self.exposure = line, config, exposure
         self.channels = 0
 
     def connect(self) -> None:
@@ -81,12 +79,19 @@ class Photodiode:
     def read(self, exposure: float | None = None) -> Reading:
         """Raises DeviceFault where nothing comes, or nothing that can be believed."""
         seconds = exposure or self.exposure
+        end = time.monotonic() + self.config.average_s
         try:
             first = self._in_range(seconds)
-            samples = [first, *(self._take(seconds) for _ in range(self._more(first)))]
+            samples, total = [first], first.signal.copy()
+            while not samples[-1].overload.any():
+                wanted = readings_needed(self.config, *self._noise(first, total / len(samples)), seconds)
+                if len(samples) >= wanted or time.monotonic() > end:  # slower than it should be: what there is will do
+                    break
+                samples.append(self._take(seconds))
+                total += samples[-1].signal
         except Refused as e:
             raise DeviceFault("photodiode", str(e), "see its manual, then `gonio resume`") from None
-        value = np.mean([s.signal for s in samples], 0)
+        value = total / len(samples)
         raw = {
             "counter": samples[-1].counter,
             "range": first.ranges.tolist(),
@@ -96,19 +101,14 @@ class Photodiode:
             "reply": first.text,
         }
         overload = any(bool(s.overload.any()) for s in samples)
-        return Reading(value, self._sigma(value, first) / np.sqrt(len(samples)), overload, raw)
+        _, variance, steps = self._noise(first, value)
+        return Reading(value, sigma_of(variance, steps, len(samples)), overload, raw)
 
-    def _sigma(self, value: Array, s: Sample) -> Array:
+    def _noise(self, s: Sample, value: Array) -> tuple[Array, Array, Array]:
+        """Light above dark, the variance of one reading, and that of the converter's steps, (C,) each."""
         c = self.config
         light = np.maximum(value - c.dark * s.seconds / self.exposure, 0)
-        return np.sqrt(c.shot_noise**2 * light + c.read_noise**2 + self.lsb[s.ranges] ** 2 / 12)
-
-    def _more(self, first: Sample) -> int:
-        """Readings needed beyond the first."""
-        if self.target is None or first.overload.any():
-            return 0
-        relative = float(np.max(self._sigma(first.signal, first) / np.maximum(np.abs(first.signal), 1e-300)))
-        return int(min(np.ceil((relative / self.target) ** 2), MOST)) - 1 if relative > self.target else 0
+        return light, c.shot_noise**2 * light + c.read_noise**2, self.lsb[s.ranges] ** 2 / 12
 
     def _in_range(self, seconds: float) -> Sample:
         """The first reading in the lowest ranges that hold it: the same ranges from wherever the search started."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from gonio.config.rig import PhotodiodeConfig
 from gonio.geometry import Array
+from gonio.rig.averaging import readings_needed, sigma_of
 from gonio.rig.clock import Clock
 from gonio.rig.devices import Reading
 from gonio.rig.errors import DeviceFault
@@ -48,7 +49,10 @@ class SimPhotodiode:
             self._range = self._fitting(signal + self.config.dark)
 
     def read(self, exposure: float | None = None) -> Reading:
-        """A reading; a change of range costs another exposure. Raises DeviceFault when nothing comes."""
+        """A reading, averaged as the config says; a change of range costs another exposure.
+
+        Raises DeviceFault when nothing comes.
+        """
         c = self.config
         seconds = exposure or self.exposure
         scale = seconds / self.exposure
@@ -66,17 +70,39 @@ class SimPhotodiode:
             self.clock.sleep(seconds)  # the first reading after a change is thrown away
         self._range = ranges
         full, lsb = self.full_scale[ranges], self.lsb[ranges]
-        shown = signal * (1 + c.nonlinearity * signal / full) + c.read_noise * z[1]
-        counts = np.clip(np.rint(shown / lsb), 0, 2**c.bits - 1)
-        value = counts * lsb
-        sigma = np.sqrt(c.shot_noise**2 * np.maximum(value - c.dark * scale, 0) + c.read_noise**2 + lsb**2 / 12)
+        counts = total = self._counts(signal, full, lsb, z[1])
+        n = 1
+        while True:
+            value = total / n * lsb
+            above, variance, steps = self._noise(value, lsb, scale)
+            saturated = bool((counts >= 2**c.bits - 1).any())
+            if saturated or n >= readings_needed(c, above, variance, steps, seconds):
+                break
+            z = rng.standard_normal((2, len(light)))
+            self.clock.sleep(seconds)
+            signal = light + c.dark * scale + np.sqrt(np.maximum(light, 0)) * c.shot_noise * z[0]
+            counts = self._counts(signal, full, lsb, z[1])
+            n, total = n + 1, total + counts
         raw = {
-            "counts": counts.astype(int).tolist(),
+            "counts": total.astype(int).tolist(),
             "range": ranges.tolist(),
             "full_scale": full.tolist(),
             "exposure_s": seconds,
+            "readings": n,
         }
-        return Reading(value, sigma, bool((counts >= 2**c.bits - 1).any()), raw)
+        return Reading(value, sigma_of(variance, steps, n), saturated, raw)
+
+    def _counts(self, signal: Array, full: Array, lsb: Array, z: Array) -> Array:
+        """What the converter makes of a signal."""
+        c = self.config
+        shown = signal * (1 + c.nonlinearity * signal / full) + c.read_noise * z
+        return np.clip(np.rint(shown / lsb), 0, 2**c.bits - 1)
+
+    def _noise(self, value: Array, lsb: Array, scale: float) -> tuple[Array, Array, Array]:
+        """Light above dark, the variance of one reading, and that of the converter's steps, (C,) each."""
+        c = self.config
+        light = np.maximum(value - c.dark * scale, 0)
+        return light, c.shot_noise**2 * light + c.read_noise**2, lsb**2 / 12
 
     def state(self) -> dict:
         return {"range": None if self._range is None else self._range.tolist()}
