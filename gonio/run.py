@@ -68,6 +68,7 @@ class Run:
             if state := store.kept():
                 rig.restore(state)
             sampler = make_sampler(material, rig.reachable, good_enough.fit_surrogate)
+            rig.surrogate = good_enough.expected
             reason = acquire(
                 sampler, rig, store, material, watch=watch, interrupted=interrupted, good_enough=good_enough
             )
@@ -85,6 +86,7 @@ class Run:
             store.event("fault", str(e))
             raise
         finally:
+            rig.surrogate = None
             try:
                 store.commit()
             finally:

@@ -17,6 +17,7 @@ class GoodEnough:
         self.material, self.store = material, store
         self._next = 200
         self.anisotropic = material.symmetry == "anisotropic"
+        self._surrogate: Brdf | None = None
 
     def __call__(self, progress: Progress) -> str | None:
         stop = self.material.stop
@@ -32,14 +33,20 @@ class GoodEnough:
         return None
 
     def fit_surrogate(self, wi: Array, wo: Array, f: Array) -> Brdf | None:
-        """The running reconstruction, None where the samples do not make one (yet)."""
+        """The running reconstruction, None where the samples do not make one (yet); `expected` asks the last one."""
         from gonio.reconstruct import ReconstructionError
         from gonio.reconstruct.running import fit
 
         try:
-            return fit(Samples.of(wi, wo, f), anisotropic=self.anisotropic)
+            found = fit(Samples.of(wi, wo, f), anisotropic=self.anisotropic)
         except ReconstructionError:
             return None
+        self._surrogate = found
+        return found
+
+    def expected(self, wi: Array, wo: Array) -> Array | None:
+        """f (N, C) as the sampler's last surrogate has it; None where there was none yet."""
+        return None if self._surrogate is None else self._surrogate.eval(wi, wo)
 
     def energy_error(self) -> float:
         """Estimated share of reflected energy misplaced, from all measured so far. Raises ReconstructionError."""

@@ -22,11 +22,11 @@ class LentRig:
 
     @property
     def surrogate(self):
-        return getattr(self._rig, "surrogate", None)
+        return self._rig.surrogate
 
     @surrogate.setter
     def surrogate(self, predict) -> None:
-        self._rig.surrogate = predict  # type: ignore[attr-defined]
+        self._rig.surrogate = predict
 
     def visit(self, wi: Array, wo: Array, ids: NDArray[np.int64]) -> Iterator[Visited]:
         """As the rig's own. Raises Interrupted where it was stopped: a stopped rig ends a visit early, and a run that

@@ -63,7 +63,20 @@ class Approach:
         poses = end + np.diag(self.backlash)
         wi, wo = forward(poses)
         here_i, here_o = forward(end)
-        if self.isotropic:  # only the cosines and the angle between the arms count
-            change = np.stack([wi[:, 2] - here_i[2], wo[:, 2] - here_o[2], (wi * wo).sum(-1) - here_i @ here_o])
-            return np.abs(change).max(0) > 0.1 * least
+        if self.isotropic:
+            wi, wo = _turned(wi, wo, here_i, here_o)
         return np.maximum(np.linalg.norm(wi - here_i, axis=-1), np.linalg.norm(wo - here_o, axis=-1)) > least
+
+
+def _turned(wi: Array, wo: Array, to_i: Array, to_o: Array) -> tuple[Array, Array]:
+    """Pairs (M, 3), (M, 3), each turned about the normal to be as near as can be to one pair (3,), (3,).
+
+    Not told by the cosines of its angles: in the plane of incidence those stand still to first order where an arm leaves
+    it, and the half vector does not.
+    """
+    dot = wi[:, :2] @ to_i[:2] + wo[:, :2] @ to_o[:2]
+    cross = wi[:, 0] * to_i[1] - wi[:, 1] * to_i[0] + wo[:, 0] * to_o[1] - wo[:, 1] * to_o[0]
+    angle = np.arctan2(cross, dot)
+    c, s = np.cos(angle), np.sin(angle)
+    turn = lambda w: np.stack([c * w[:, 0] - s * w[:, 1], s * w[:, 0] + c * w[:, 1], w[:, 2]], -1)
+    return turn(wi), turn(wo)

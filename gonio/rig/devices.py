@@ -1,6 +1,6 @@
 """What a device must offer. `drivers` (real) and `sim` (simulated) are two families of these, peers of each other."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -113,7 +113,13 @@ class Visited:
 
 
 class Rig(Protocol):
-    """A gonioreflectometer: all that the acquisition loop knows of one."""
+    """A gonioreflectometer: all that the acquisition loop knows of one.
+
+    surrogate(wi, wo) -> f (N, C), or None where it knows nothing yet, is what readings will be about; the loop sets it,
+    a rig may ignore it.
+    """
+
+    surrogate: Callable[[Array, Array], Array | None] | None
 
     @property
     def simulated(self) -> bool: ...
