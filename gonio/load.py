@@ -13,7 +13,6 @@ from gonio.brdf.saved import FORMAT_VERSION, write_saved
 
 KINDS = MODEL_KINDS | {
     "auto": "gonio.reconstruct.auto:AutoBrdf",
-    "lobes": "gonio.reconstruct.lobes:LobesBrdf",
     "tabulated": "gonio.reconstruct.tabulate:TabulatedBrdf",
 }
 """kind of a saved BRDF -> its class; a file names a kind, never a class, so it cannot make us import anything else."""

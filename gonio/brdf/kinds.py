@@ -6,6 +6,7 @@ KINDS = {
     "lambert": "gonio.brdf.lambert:Lambert",
     "ggx": "gonio.brdf.microfacet:Ggx",
     "beckmann": "gonio.brdf.microfacet:Beckmann",
+    "student": "gonio.brdf.student:Student",
     "abc": "gonio.brdf.abc:Abc",
     "mixture": "gonio.brdf.mixture:Mixture",
     "fitted": "gonio.brdf.fitted:FittedBrdf",

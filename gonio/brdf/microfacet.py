@@ -3,10 +3,12 @@
 f = weight F(theta_d) D(h) G2(wi, wo) / (4 cos(theta_i) cos(theta_o)),  G2 = 1 / (1 + Lambda(wi) + Lambda(wo)).
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from gonio.brdf.fresnel import conductor, schlick
-from gonio.brdf.ndf import BeckmannNdf, GgxNdf
+from gonio.brdf.ndf import BeckmannNdf, GgxNdf, Normals
 from gonio.geometry import Array, half_vector, reflect
 
 
@@ -17,7 +19,7 @@ class Microfacet:
     """
 
     kind: str
-    ndf_class: type[GgxNdf] | type[BeckmannNdf]
+    ndf_class: Callable[[float, float], Normals]
 
     def __init__(self, alpha_x: float, alpha_y: float | None = None, f0=1.0, *, eta=None, k=None, weight=1.0):
         if (eta is None) != (k is None):

@@ -5,10 +5,25 @@ sample's axes. D is in 1/sr with the integral of D cos(theta_h) equal to 1. Heit
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from gonio.geometry import Array, unit
+
+
+class Normals(Protocol):
+    """What a microfacet lobe is made of."""
+
+    @property
+    def alpha_x(self) -> float: ...
+    @property
+    def alpha_y(self) -> float: ...
+
+    def d(self, h: Array) -> Array: ...
+    def smith_lambda(self, w: Array) -> Array: ...
+    def sample(self, wi: Array, u: Array) -> Array: ...
+    def pdf(self, wi: Array, h: Array) -> Array: ...
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,16 @@
-"""Lambert + k GGX lobes with Schlick's Fresnel (Ngan 2005's family), k chosen by held-out error; log loss.
+"""Lambert + k microfacet lobes with Schlick's Fresnel (Ngan 2005's family), k chosen by held-out error; log loss.
 
-Given the roughnesses the rest is linear and non-negative (`robust_base.log_nnls`); lobes are added one by one, each the
-best of a ladder of roughnesses, and the ladder is refined around those chosen. Long tails come out as wider lobes.
+Given roughnesses and tails the rest is linear and non-negative (`robust_base.log_nnls`); lobes are added one by one,
+each the best of a ladder of roughnesses, and refined around those chosen. Tails: all lobes GGX, or each lobe with the
+exponent gamma that suits it (Student-t slopes, of which GGX is one); held-out samples decide between the two.
 """
+
+from collections.abc import Callable
 
 import numpy as np
 
-from gonio.brdf import Brdf, Ggx, Lambert, Mixture
+from gonio.brdf import Brdf, Lambert, Mixture
+from gonio.brdf.student import Student
 from gonio.geometry import Array
 from gonio.reconstruct.clean import clean
 from gonio.reconstruct.grain import Grain
@@ -17,10 +21,13 @@ from gonio.reconstruct.robust_base import log_nnls
 from gonio.reconstruct.samples import Samples
 
 LADDER = np.geomspace(0.003, 0.9, 14)
+GGX = 2.0
+GAMMAS = (1.6, 1.8, GGX, 2.5, 4.0, 8.0)
 MOST_LOBES = 4
 USED = 2000
 
-LobesBrdf = Mixture
+Lobe = tuple[float, float]
+"""alpha, gamma."""
 
 
 def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Mixture:
@@ -28,42 +35,76 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Mix
     s = clean(samples)
     s = s[~s.saturated]
     s = s[rng.permutation(len(s))[:USED]]
-    squeeze = _squeeze(s) if anisotropic else (1.0, 1.0)
-    cos_o = s.wo[:, 2:3]
-    g = s.f * cos_o
-    floor = LogRatio.of(g, s.sigma * cos_o).floor
-    held = np.arange(len(s)) % 5 == 0
-    frame = Isotropic()
-    angles = frame.angles(s.wi, s.wo)
-    error = EnergyError(angles, g, s.sigma * cos_o, frame.stretch(0.1), np.flatnonzero(held))
-    ladder: dict[float, Array] = {}
+    p = _Problem(s, _squeeze(s) if anisotropic else (1.0, 1.0))
+    plain, error = _grown(p, _wider_or_narrower)
+    tailed, error_tailed = _grown(p, lambda lobe, step: _wider_or_narrower(lobe, step) + _other_tails(lobe))
+    best = tailed if error_tailed < error else plain
+    return _mixture(best, log_nnls(p.columns(best), p.g, p.floor), p.squeeze)
 
-    def columns(alphas: list[float]) -> Array:
-        for alpha in alphas:
-            if alpha not in ladder:
-                ladder[alpha] = _lobe(alpha, squeeze, s.wi, s.wo) * cos_o
-        return np.concatenate([cos_o / np.pi, *(ladder[a] for a in alphas)], 1)
 
-    def loss(alphas: list[float]) -> float:
+class _Problem:
+    """Samples, and the columns of lobes made so far."""
+
+    def __init__(self, s: Samples, squeeze: tuple[float, float]):
+        self.s, self.squeeze = s, squeeze
+        self.cos_o = s.wo[:, 2:3]
+        self.g = s.f * self.cos_o
+        self.floor = LogRatio.of(self.g, s.sigma * self.cos_o).floor
+        self.held = np.arange(len(s)) % 5 == 0
+        frame = Isotropic()
+        angles, stretch = frame.angles(s.wi, s.wo), frame.stretch(0.1)
+        self._error = EnergyError(angles, self.g, s.sigma * self.cos_o, stretch, np.flatnonzero(self.held))
+        self._bright = np.maximum(self.g[~self.held], 0) + self.floor
+        self._made: dict[Lobe, Array] = {}
+
+    def columns(self, lobes: list[Lobe]) -> Array:
+        """Lambert's, then two a lobe: for Fresnel 1 and for Schlick's (1 - cos)^5 alone; times cos(theta_o)."""
+        for lobe in lobes:
+            if lobe not in self._made:
+                both = [_student(lobe, self.squeeze, f0).eval(self.s.wi, self.s.wo) for f0 in (1.0, 0.0)]
+                self._made[lobe] = np.concatenate(both, 1) * self.cos_o
+        return np.concatenate([self.cos_o / np.pi, *(self._made[k] for k in lobes)], 1)
+
+    def loss(self, lobes: list[Lobe]) -> float:
         """Over the fitted samples: mean absolute log ratio, bright ones a little heavier."""
-        x = columns(alphas)[~held]
-        model = x @ log_nnls(x, g[~held], floor)
-        bright = np.maximum(g[~held], 0) + floor
-        return float((np.abs(np.log((model + floor) / bright)) * bright**0.1).mean())
+        x = self.columns(lobes)[~self.held]
+        model = x @ log_nnls(x, self.g[~self.held], self.floor)
+        return float((np.abs(np.log((model + self.floor) / self._bright)) * self._bright**0.1).mean())
 
-    alphas: list[float] = []
-    best, least = alphas, np.inf
+    def held_out_error(self, lobes: list[Lobe]) -> float:
+        x = self.columns(lobes)
+        return self._error(x[self.held] @ log_nnls(x[~self.held], self.g[~self.held], self.floor))
+
+
+def _grown(p: _Problem, near: Callable[[Lobe, float], list[Lobe]]) -> tuple[list[Lobe], float]:
+    """Lobes added while they make the held-out error smaller, each moved to the best of those `near` it; the error."""
+    lobes: list[Lobe] = []
+    best, least = lobes, np.inf
     for _ in range(MOST_LOBES):
-        alphas = min(([*alphas, float(a)] for a in LADDER if a not in alphas), key=loss)
+        ladder = [(float(a), GGX) for a in LADDER]
+        lobes = min(([*lobes, k] for k in ladder if k not in lobes), key=p.loss)
         for step in (1.25, 1.1):
-            for k in range(len(alphas)):
-                near = [[*alphas[:k], alphas[k] * q, *alphas[k + 1 :]] for q in (1, step, 1 / step)]
-                alphas = min(near, key=loss)
-        x = columns(alphas)
-        now = error(x[held] @ log_nnls(x[~held], g[~held], floor))
+            for k in range(len(lobes)):
+                lobes = min([[*lobes[:k], other, *lobes[k + 1 :]] for other in near(lobes[k], step)], key=p.loss)
+        now = p.held_out_error(lobes)
         if now < 0.98 * least:
-            best, least = alphas, now
-    return _mixture(best, log_nnls(columns(best), g, floor), squeeze)
+            best, least = lobes, now
+    return best, least
+
+
+def _wider_or_narrower(lobe: Lobe, step: float) -> list[Lobe]:
+    return [(lobe[0] * q, lobe[1]) for q in (1, step, 1 / step)]
+
+
+def _other_tails(lobe: Lobe) -> list[Lobe]:
+    """The neighbouring exponents, the width at half maximum kept."""
+    k = GAMMAS.index(lobe[1])
+    others = [GAMMAS[j] for j in (k - 1, k + 1) if 0 <= j < len(GAMMAS)]
+    return [(lobe[0] * float(np.sqrt((2 ** (1 / lobe[1]) - 1) / (2 ** (1 / g) - 1))), g) for g in others]
+
+
+def _student(lobe: Lobe, squeeze: tuple[float, float], f0, weight=1.0) -> Student:
+    return Student(lobe[0] * squeeze[0], lobe[0] * squeeze[1], f0, gamma=lobe[1], weight=weight)
 
 
 def _squeeze(s: Samples) -> tuple[float, float]:
@@ -73,20 +114,13 @@ def _squeeze(s: Samples) -> tuple[float, float]:
     return (grain.q, 1 / grain.q) if along_x else (1 / grain.q, grain.q)
 
 
-def _lobe(alpha: float, squeeze: tuple[float, float], wi: Array, wo: Array) -> Array:
-    """The lobe for Fresnel 1 and for Schlick's (1 - cos)^5 alone, (N, 2)."""
-    whole = Ggx(alpha * squeeze[0], alpha * squeeze[1], f0=1.0).eval(wi, wo)
-    rising = Ggx(alpha * squeeze[0], alpha * squeeze[1], f0=0.0).eval(wi, wo)
-    return np.concatenate([whole, rising], 1)
-
-
-def _mixture(alphas: list[float], weights: Array, squeeze: tuple[float, float]) -> Mixture:
+def _mixture(lobes: list[Lobe], weights: Array, squeeze: tuple[float, float]) -> Mixture:
     parts: list[Brdf] = [Lambert(weights[0])]
     share = [weights[0].mean() + 1e-3]
-    for k, alpha in enumerate(alphas):
+    for k, lobe in enumerate(lobes):
         plain, rising = weights[1 + 2 * k], weights[2 + 2 * k]
         total = plain + rising
         f0 = plain / np.where(total > 0, total, 1)
-        parts.append(Ggx(alpha * squeeze[0], alpha * squeeze[1], f0=f0, weight=total))
+        parts.append(_student(lobe, squeeze, f0, total))
         share.append(plain.mean() + 0.1 * rising.mean() + 1e-3)
     return Mixture(parts, share)

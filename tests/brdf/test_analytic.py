@@ -1,11 +1,15 @@
 """Analytic BRDFs: samplers against their densities, energy, reciprocity, known values."""
 
+import math
+
 import numpy as np
 import pytest
 from brdf.halfsquare import integrals, p_value, sample_p_value
 
 from gonio.brdf import Abc, Beckmann, Brdf, Ggx, Lambert, Mixture
 from gonio.brdf.fresnel import conductor
+from gonio.brdf.ndf import GgxNdf
+from gonio.brdf.student import Student, StudentNdf
 from gonio.geometry import from_angles
 
 ALPHAS = [1e-3, 0.01, 0.1, 0.4, 1.0]
@@ -25,6 +29,8 @@ def models():
         yield f"beckmann {a}", Beckmann(a), a
     yield "ggx 0.05 x 0.5", Ggx(0.05, 0.5, **gold), (0.05, 0.5)
     yield "beckmann 0.4 x 0.04", Beckmann(0.4, 0.04, f0=[0.9, 0.5, 0.1]), (0.4, 0.04)
+    for gamma in (1.6, 4.0):
+        yield f"student {gamma}", Student(0.1, 0.3, gamma=gamma), (0.1, 0.3)
     yield "abc", Abc([0.1, 0.2, 0.3], [5.0, 6.0, 7.0], 2000.0, 1.4), 0.03
     yield "abc c=1", Abc(0.1, 5.0, 300.0, 1.0), 0.08
     yield "mixture", Mixture([Lambert([0.3] * 3), Ggx(0.05, f0=[0.5, 0.4, 0.3])], [1, 3]), 0.07
@@ -101,6 +107,28 @@ def test_sharpest_lobes_stay_finite():
         wo, p = Ggx(alpha).sample(wi, rng.random((5000, 2)))
         assert np.isfinite(wo).all() and np.isfinite(p).all() and np.mean(p > 0) > 0.9
         assert np.isfinite(Ggx(alpha).eval(wi, wo)).all()
+
+
+def test_student_slopes_by_value():
+    """GGX where gamma is 2; else Lambda against its integral over the slopes' marginal density."""
+    w = from_angles(np.radians([5.0, 40.0, 75.0, 89.0]), np.array([0.0, 1.0, 2.0, 3.0]))
+    student, ggx = StudentNdf(0.3, 0.1, 2.0), GgxNdf(0.3, 0.1)
+    np.testing.assert_allclose(student.smith_lambda(w), ggx.smith_lambda(w), rtol=1e-8)
+    np.testing.assert_allclose(student.d(w), ggx.d(w), rtol=1e-12)
+    for gamma in (1.6, 3.0, 8.0):
+        ndf, expected = StudentNdf(0.3, 0.3, gamma), []
+        t = (np.arange(400_000) + 0.5) / 400_000
+        for v in w:
+            mu = v[2] / (0.3 * np.hypot(v[0], v[1]))
+            q = mu + (t / (1 - t)) ** 4  # (0, 1) -> (mu, infinity)
+            step = 4 * (t / (1 - t)) ** 3 / (1 - t) ** 2 / len(t)
+            marginal = (1 + q * q) ** -(gamma - 0.5)
+            # normalised over all slopes by Euler's beta function
+            total = np.sqrt(np.pi) * np.exp(math.lgamma(gamma - 1) - math.lgamma(gamma - 0.5))
+            expected.append(np.sum((q - mu) * marginal * step) / total / mu)
+        np.testing.assert_allclose(ndf.smith_lambda(w), expected, rtol=1e-3, atol=1e-9)
+        # negative control: GGX's own masking is another
+        assert not np.allclose(ggx.smith_lambda(w), expected, rtol=0.05)
 
 
 def test_every_model_is_a_brdf():

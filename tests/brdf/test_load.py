@@ -7,6 +7,7 @@ from brdf.tables import isotropic_fields
 import gonio
 from gonio.brdf import Abc, Beckmann, BrdfFileError, Ggx, Lambert, MerlBrdf, Mixture, NetworkBrdf, RglBrdf
 from gonio.brdf.merl import SHAPE, write_merl_table
+from gonio.brdf.student import Student
 from gonio.brdf.tensor_file import write_tensor_file
 from gonio.geometry import from_angles
 from gonio.load import save_brdf
@@ -24,6 +25,7 @@ def pairs(n=500, seed=0):
         Ggx(0.1, 0.2, f0=[0.5, 0.6, 0.7], weight=0.9),
         Ggx(0.1, eta=[0.2, 0.9, 1.1], k=[3, 2.5, 2.0]),
         Beckmann(0.3),
+        Student(0.1, 0.2, [0.5, 0.6, 0.7], gamma=1.7),
         Abc([0.1, 0.2], 3.0, 100.0, 1.5, 1.4),
         Mixture([Lambert(0.3), Mixture([Ggx(0.1), Beckmann(0.2)])], [1, 2]),
         RglBrdf(isotropic_fields(n=16)),
