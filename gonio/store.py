@@ -223,6 +223,12 @@ class Store:
         )
         return Measured(ids, asked, seen, f, sigma, saturated, rig_s, wall_s)
 
+    def raw(self) -> list[dict[str, Any]]:
+        """What the detector itself said of each measurement, in the order of their making; empty where nothing."""
+        with _explained(self.folder):
+            rows = self._db.execute("SELECT raw FROM measurements ORDER BY wall_s, rowid").fetchall()
+        return [json.loads(text) if text else {} for (text,) in rows]
+
     def steps(self) -> dict[str, NDArray]:
         """Columns of the step log, ordered by chain and step; `proposed` (N, 6) is NaN for measured ones."""
         with _explained(self.folder):

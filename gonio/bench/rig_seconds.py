@@ -4,9 +4,9 @@
 
 The measurements are those that the material's own sampler asks for on the rig's reachable set, batch by batch. They are
 driven by the simulated rig of depth `devices` as its YAML has it, noise included; `energy` is the energy error of the
-default reconstruction from what was read, so that a saving that costs accuracy shows. `wall/plan` is the time a row took
-over that of its own plan: straight travel from pose to pose, settling, one exposure each. What a second thread saves
-(`plan.overlap`) a virtual clock cannot show: see gonio.bench.wire.
+default reconstruction from what was read, so that a saving that costs accuracy shows. `wall/plan` is the time a row
+took over that of its own plan: straight travel from pose to pose, settling, one exposure each. What a second thread
+saves (`plan.overlap`) a virtual clock cannot show: see gonio.bench.wire.
 """
 
 import time
@@ -91,7 +91,7 @@ def drive(
 
 
 def planned(rig: RigConfig, poses: Array) -> float:
-    """Seconds of a plan that visits poses (M, A) from the pose of rest: straight travel, settling, one exposure each."""
+    """Seconds from the pose of rest through poses (M, A): straight travel, settling, one exposure each."""
     axes = axes_of(rig)
     velocity, acceleration = (np.array([getattr(a, k) for a in axes]) for k in ("velocity", "acceleration"))
     travel = move_time(np.diff(poses, axis=0, prepend=park_pose(rig)[None]), velocity, acceleration)

@@ -18,6 +18,7 @@ STUDIES = {
     "reconstruction": "gonio.bench.reconstruction",
     "thesis": "gonio.bench.thesis_table",
     "rig": "gonio.bench.rig_seconds",
+    "wire": "gonio.bench.wire",
     "picture": "gonio.bench.picture",
     "pretrain": "gonio.bench.pretrain",
 }

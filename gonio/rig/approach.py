@@ -71,8 +71,8 @@ class Approach:
 def _turned(wi: Array, wo: Array, to_i: Array, to_o: Array) -> tuple[Array, Array]:
     """Pairs (M, 3), (M, 3), each turned about the normal to be as near as can be to one pair (3,), (3,).
 
-    Not told by the cosines of its angles: in the plane of incidence those stand still to first order where an arm leaves
-    it, and the half vector does not.
+    The cosines of its angles do not tell: where an arm leaves the plane of incidence they stand still to first order,
+    and the half vector does not.
     """
     dot = wi[:, :2] @ to_i[:2] + wo[:, :2] @ to_o[:2]
     cross = wi[:, 0] * to_i[1] - wi[:, 1] * to_i[0] + wo[:, 0] * to_o[1] - wo[:, 1] * to_o[0]
