@@ -15,6 +15,7 @@ from drivers.dynamixel import tables as t
 from drivers.dynamixel.bus import Bus, Refused
 from drivers.dynamixel.configure import Joint, hardware_fault
 from drivers.gone import PortGone
+from drivers.latency import latency_ms, too_slow
 from drivers.light import SerialLight
 from drivers.photodiode import Photodiode
 from drivers.rig import make_stage, open_camera
@@ -26,7 +27,6 @@ from gonio.rig.clock import RealClock
 from gonio.rig.errors import CalibrationMissing, DeviceFault
 
 READINGS = 16
-SLOW_MS = 4  # latency timer above which a poll of the servos is slow
 
 
 def doctor(config: RigConfig, devices: DevicesConfig | None = None, frames: FrameSource | None = None) -> list[str]:
@@ -45,7 +45,9 @@ def _stage(config: RigConfig, devices: DevicesConfig) -> Iterator[str]:
     if (missing := _port("stage", devices.stage)) is not None:
         yield missing
         return
-    yield from _latency(devices.stage.port)
+    if (ms := latency_ms(devices.stage.port)) is not None:
+        slow = too_slow(devices.stage.port)
+        yield f"warn stage: {slow}" if slow else f"ok   stage: USB latency timer {ms} ms"
     try:
         stage = make_stage(config, devices, RealClock())
         stage.bus.open()
@@ -212,15 +214,3 @@ def _port(name: str, port: PortConfig) -> str | None:
     if not os.access(port.port, os.R_OK | os.W_OK):
         return f"FAIL {name}: {port.port} may not be opened; have your user added to its group (often dialout)"
     return None
-
-
-def _latency(port: str, sys: Path = Path("/sys/bus/usb-serial/devices")) -> Iterator[str]:
-    """The adapter holds back what it received for so many milliseconds; 16 is the kernel's default."""
-    try:
-        ms = int((sys / Path(port).resolve().name / "latency_timer").read_text())
-    except (OSError, ValueError):
-        return  # not that kind of adapter
-    if ms > SLOW_MS:
-        yield f"warn stage: USB latency timer is {ms} ms, each poll waits for it; have a udev rule set it to 1"
-    else:
-        yield f"ok   stage: USB latency timer {ms} ms"

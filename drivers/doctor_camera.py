@@ -78,7 +78,7 @@ def _lit(camera: Camera, darks: list[Array], light: SerialLight) -> Iterator[str
     most = np.where(clipped, 0, step / np.maximum(dark, 1)).max(0)
     yield f"ok   light: on/off contrast {', '.join(f'{v:.3g}' for v in most + 1)}"
     rate = step / np.array(ladder)[:, None]
-    strong = clear & (step > 100 * camera.read_noise)  # so that noise does not count
+    strong = clear & (step > 20 * camera.read_noise)  # so that noise does not count
     pairs = [(a[c], b[c]) for a, b, x, y in zip(rate, rate[1:], strong, strong[1:]) for c in np.flatnonzero(x & y)]
     if pairs and (worst := max(abs(a / b - 1) for a, b in pairs)) > BENT:
         yield f"warn camera: rates differ by {worst:.0%} from exposure to exposure; is its gamma fixed at linear?"

@@ -1,5 +1,6 @@
 """Opens a rig of real drivers, on the ports that its config names."""
 
+import logging
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
 
@@ -9,6 +10,7 @@ from drivers.camera import Camera, FrameSource
 from drivers.camera_detector import CameraDetector
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.stage import DynamixelStage
+from drivers.latency import too_slow
 from drivers.light import SerialLight
 from drivers.photodiode import Photodiode
 from drivers.text_line import TextLine
@@ -30,6 +32,7 @@ from gonio.rig.clock import Clock, RealClock
 from gonio.rig.errors import DeviceFault
 from gonio.rig.staged import StagedRig
 
+log = logging.getLogger(__name__)
 POLL_S = 0.02  # machine seconds between two polls of servos on the move
 
 
@@ -62,6 +65,8 @@ def assemble(
     geometry = geometry_calibration(config)
     envelope = envelope_of(config, geometry)
     stage = make_stage(config, devices, clock)
+    if devices.stage is not None and (slow := too_slow(devices.stage.port)) is not None:
+        log.warning("stage: %s", slow)
     with ExitStack() as opened:
         light: SerialLight | NoLight = NoLight()
         if devices.light is not None:

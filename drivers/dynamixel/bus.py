@@ -1,8 +1,9 @@
 """One owner for a bus of Dynamixel servos: every transaction is whole, verified, and repeated when the wire lied.
 
 The handlers of dynamixel-sdk do the packets. What they do not see (HARDWARE: the seven traps) is seen here: a lock in
-place of a flag; after a timeout the line is let fall silent and cleared, so that a late reply is not taken for the next
-one; the error byte and the length are looked at before the value; each servo's error byte of a sync read is kept.
+place of a flag; after a timeout the line is let fall silent and cleared, and a ping has to be answered before anything
+else is believed, so that no late reply is taken for the next one; the error byte and the length are looked at before
+the value; each servo's error byte of a sync read is kept.
 """
 
 import threading
@@ -83,7 +84,7 @@ class Bus:
                 raise NoAnswer
             return packet[0] | packet[1] << 8
 
-        return self._whole(servo, once)
+        return self._whole(servo, once, last=servo)
 
     def read(self, servo: int, register: Register) -> int:
         """Raises DeviceFault where it does not answer, Refused."""
@@ -95,7 +96,7 @@ class Bus:
                 raise NoAnswer
             return int.from_bytes(data, "little", signed=register.signed)
 
-        return self._whole(servo, once)
+        return self._whole(servo, once, last=servo)
 
     def write(self, servo: int, register: Register, value: int) -> None:
         """Written, and read back where the reply was lost. Raises DeviceFault, Refused."""
@@ -104,10 +105,10 @@ class Bus:
         def once() -> None:
             self._reply(servo, lambda: self._send(servo, 0x03, [register.address & 255, register.address >> 8, *data]))
 
-        self._whole(servo, once)
+        self._whole(servo, once, last=servo)
 
     def reboot(self, servo: int) -> None:
-        self._whole(servo, lambda: self._reply(servo, lambda: self._send(servo, 0x08, [])))
+        self._whole(servo, lambda: self._reply(servo, lambda: self._send(servo, 0x08, [])), last=servo)
 
     def sync_write(self, register: Register, data: Mapping[int, bytes]) -> None:
         """Nobody answers: whoever calls this must read back. Raises PortGone."""
@@ -135,7 +136,7 @@ class Bus:
             return data, errors
 
         try:
-            return self._whole(0xFE, once)
+            return self._whole(0xFE, once, last=servos[-1])
         except NoAnswer:
             silent = [s for s in servos if not self.answers(s)]
             raise self.silent(silent or list(servos)) from None
@@ -154,14 +155,20 @@ class Bus:
 
     # ---- underneath ------------------------------------------------------------------------------------------------
 
-    def _whole(self, servo: int, once: Callable[[], T]) -> T:
-        """A transaction, repeated with the line cleared before each repetition."""
+    def _whole(self, servo: int, once: Callable[[], T], last: int | None = None) -> T:
+        """A transaction, repeated with the line cleared before each repetition.
+
+        last: the servo whose answer comes last, None where nobody answers.
+        """
         for _ in range(TRIES):
             with self.lock:
                 if not self.port.is_open:
                     raise PortGone(f"{self.port.port_name}: not open")
                 if self._dirty:
                     self.port.drain(self._dirty)
+                    if last is not None and self._dirty == QUIET_S and not self._in_step(last):
+                        self.failures += 1
+                        continue
                 self._dirty = QUIET_S  # until it is known to have ended well; an exception may come at any byte
                 self.port.is_using = False  # what an interrupted transaction may have left behind
                 try:
@@ -181,6 +188,17 @@ class Bus:
         if servo == 0xFE:
             raise NoAnswer
         raise self.silent([servo])
+
+    def _in_step(self, servo: int) -> bool:
+        """Whether a ping was answered. Replies keep their order: whatever was late has come before that."""
+        self.port.is_using = False
+        self._send(servo, 0x01, [])
+        while True:
+            packet, result = self.packets.rxPacket(self.port, False)
+            if result == COMM_SUCCESS and packet[4] == servo and packet[5:8] == [7, 0, 0x55]:
+                return True  # nothing else that is asked for has three bytes
+            if self.port.timed_out:
+                return False
 
     def _send(self, servo: int, instruction: int, params: list[int]) -> int:
         params = stuffed(params)  # 4.1.0 stuffs a copy and sends the original

@@ -14,8 +14,9 @@ import numpy as np
 
 from drivers.dynamixel import tables as t
 from drivers.dynamixel.bus import Bus, NoAnswer, Refused
-from drivers.dynamixel.configure import Joint, configure, hardware_fault, healthy, put, recognise, watchdog_units
-from drivers.dynamixel.poll import State, decode
+from drivers.dynamixel.configure import Joint, hardware_fault
+from drivers.dynamixel.poll import State
+from drivers.dynamixel.servos import Servos
 from drivers.gone import PortGone
 from gonio.geometry import Array
 from gonio.rig.clock import Clock
@@ -27,9 +28,7 @@ COUNT = 2 * np.pi / t.COUNTS
 ARRIVED = 1  # counts off the goal that still are the goal
 SHORT = np.radians(5.0)  # farther off than this, something is wrong
 GRACE_S = 5.0  # how long a port may be away in the middle of a move
-BRAKE = (20).to_bytes(4, "little") + (40).to_bytes(4, "little")  # ramp and time of a stop, ms
 EARLY = 16  # counts: shorter ways are not judged by their time
-ATTEMPTS = 3  # at giving the servos their goals
 
 
 class DynamixelStage:
@@ -58,6 +57,7 @@ class DynamixelStage:
         self.acceleration = np.array([a.acceleration for a in axes])
         self.joints = tuple(joint_of(a, ids[a.name]) for a in axes)
         self.ids = [j.id for j in self.joints]
+        self.servos = Servos(bus, self.joints, model, watchdog_s)
         self.homed = False
         self._stopped = threading.Event()
         self._moving = False
@@ -73,19 +73,13 @@ class DynamixelStage:
         """Open the port, recognise and configure every servo. Raises DeviceFault. Moves nothing."""
         try:
             self.bus.open()
-            self._configure()
+            self.servos.configure()
         except PortGone as e:
             self.bus.close()
             raise self._gone(e) from None
         except BaseException:
             self.bus.close()
             raise
-
-    def _configure(self) -> None:
-        for joint in self.joints:
-            recognise(self.bus, joint, self.model)
-            healthy(self.bus, joint)
-            configure(self.bus, joint, self.watchdog_s)
 
     def home(self) -> None:
         """The encoders are absolute: confirmed where every servo is well and shows a position inside its limits."""
@@ -101,13 +95,8 @@ class DynamixelStage:
         self.homed = True
 
     def reboot(self, name: str) -> None:
-        """At the operator's command only: all that the servo forgets is written again. The arm may sag meanwhile."""
-        joint = next(j for j in self.joints if j.name == name)
-        self.bus.reboot(joint.id)
-        threading.Event().wait(0.3)  # it is deaf for a while
-        recognise(self.bus, joint, self.model)
-        healthy(self.bus, joint)
-        configure(self.bus, joint, self.watchdog_s)
+        """At the operator's command only. Raises DeviceFault."""
+        self.servos.reboot(name)
 
     def close(self) -> None:
         """Servos at rest, then the port let go. Never raises."""
@@ -133,7 +122,7 @@ class DynamixelStage:
             except PortGone as e:
                 if not self.bus.reopen(self.grace_s):
                     raise self._gone(e) from None
-                self._configure()
+                self.servos.configure()
                 at = self._move(goals, deadline)
             self._moving = False
             return at
@@ -145,14 +134,14 @@ class DynamixelStage:
         present = self._lately() or self.states()
         self._rest = None
         sent = self.clock.now()
-        state = self._start(goals, present)
-        begun = self.clock.now()
         way = np.array([goals[i] - s.position for i, s in zip(self.ids, present)]) * COUNT
+        state = self.servos.start(goals, self._profile(way), present, self._stopped)
+        begun = self.clock.now()
         seconds = float(move_time(way, self.velocity, self.acceleration))
         ready = begun + seconds
         still, late = 0, False
         while not self._stopped.is_set():
-            self._check(state, goals)
+            self.servos.check(state, goals)
             off = np.array([abs(goals[i] - s.position) for i, s in zip(self.ids, state)])
             moving = np.array([s.moving for s in state])
             if self.clock.now() - sent < 0.5 * seconds:
@@ -174,59 +163,13 @@ class DynamixelStage:
         self._halt()
         return self.pose()
 
-    def _start(self, goals: dict[int, int], present: list[State]) -> list[State]:
-        """Give the servos their goals and see that they have them. Raises DeviceFault."""
-        self._check(present, None)
-        self._rearm([j for j, s in zip(self.joints, present) if s.watchdog == t.TRIPPED])
-        data = self._profile(present, goals)
-        for _ in range(ATTEMPTS):
-            with self.bus.lock:  # a stop comes before or after, not in between
-                if self._stopped.is_set():
-                    return present
-                self.bus.sync_write(t.MOVE, data)
-            state = self.states()
-            wrong = [j for j, s in zip(self.joints, state) if s.goal != goals[j.id]]
-            if not wrong:
-                return state
-            self._check(state, None)
-            self._rearm([j for j, s in zip(self.joints, state) if s.watchdog == t.TRIPPED])
-        j = wrong[0]
-        raise DeviceFault(j.name, f"does not take the goal {goals[j.id]}", "check its limits with `gonio doctor`")
-
-    def _profile(self, present: Sequence[State], goals: dict[int, int]) -> dict[int, bytes]:
+    def _profile(self, way: Array) -> bytes:
         """One ramp and one time for all axes: they start and stop together, so the way is a straight line."""
-        way = np.array([abs(goals[i] - s.position) for i, s in zip(self.ids, present)]) * COUNT
+        way = np.abs(way)
         cruise, ramp = float((way / self.velocity).max()), float((way / self.acceleration).max())
         time_ms = max(int(np.ceil(1000 * float(move_time(way, self.velocity, self.acceleration)))), 2)
         ramp_ms = min(int(np.ceil(1000 * ramp / cruise)), time_ms // 2) if cruise > 0 else 1
-        head = ramp_ms.to_bytes(4, "little") + time_ms.to_bytes(4, "little")
-        return {i: head + goals[i].to_bytes(4, "little") for i in self.ids}
-
-    def _rearm(self, tripped: list[Joint]) -> None:
-        """Idle for longer than the watchdog waits: it tripped, as it should, and goals are read-only until told."""
-        for joint in tripped:
-            put(self.bus, joint, t.WATCHDOG, 0)
-            put(self.bus, joint, t.WATCHDOG, watchdog_units(self.watchdog_s))
-
-    def _check(self, state: Sequence[State], goals: dict[int, int] | None) -> None:
-        """Raises DeviceFault for what any servo tells of itself."""
-        for joint, s in zip(self.joints, state):
-            if s.hardware:
-                bits = s.hardware if s.hardware != 0x80 else self.bus.read(joint.id, t.HARDWARE_ERROR)
-                if fault := hardware_fault(joint.name, bits):
-                    raise fault
-            if s.watchdog not in (t.TRIPPED, watchdog_units(self.watchdog_s)):
-                raise DeviceFault(
-                    joint.name,
-                    "lost its settings: its supply dipped",
-                    "check supply and cables, then `gonio resume`",
-                )
-            if goals is not None and s.watchdog == t.TRIPPED:
-                raise DeviceFault(
-                    joint.name, f"heard nothing for {self.watchdog_s:g} s and stopped", "is the host overloaded?"
-                )
-            if goals is not None and s.goal != goals[joint.id]:
-                raise DeviceFault(joint.name, "somebody else gave it a goal", "let nobody else drive these servos")
+        return ramp_ms.to_bytes(4, "little") + time_ms.to_bytes(4, "little")
 
     def _believe(self, way: Array, off: Array) -> None:
         """In less than half of its time no servo is there. Raises DeviceFault."""
@@ -259,23 +202,15 @@ class DynamixelStage:
         self._stopped.clear()
 
     def _halt(self) -> None:
-        """Every goal becomes the present position. An axis on the move overshoots by what it needs to brake."""
-        with self.bus.lock:
-            self._rest = None
-            for _ in range(ATTEMPTS):
-                here = {j.id: min(max(s.position, j.lower), j.upper) for j, s in zip(self.joints, self.states())}
-                self.bus.sync_write(t.MOVE, {i: BRAKE + n.to_bytes(4, "little") for i, n in here.items()})
-                if all(s.goal == here[i] or s.watchdog == t.TRIPPED for i, s in zip(self.ids, self.states())):
-                    return
-        raise DeviceFault("stage", "does not take the order to stop", "cut the power of the servos")
+        self._rest = None
+        self.servos.halt()
 
     def _make_safe(self) -> None:
         """After a fault: torque held where the servos are, or released, as the rig's config says. Never raises."""
         self._moving = False
         try:
             if self.after_fault == "release":
-                self.bus.sync_write(t.TORQUE, {i: b"\0" for i in self.ids})
-                self.states()  # once this is answered, that has been obeyed
+                self.servos.release()
             else:
                 self._halt()
         except (DeviceFault, Refused, NoAnswer, OSError):
@@ -284,9 +219,8 @@ class DynamixelStage:
     # ---- where it is -----------------------------------------------------------------------------------------------
 
     def states(self) -> list[State]:
-        """One sync read of all servos. Raises DeviceFault, PortGone."""
-        data, errors = self.bus.sync_read(t.POLL, self.ids)
-        return [decode(data[i], errors[i]) for i in self.ids]
+        """What every servo says of itself. Raises DeviceFault, PortGone."""
+        return self.servos.states()
 
     def _lately(self) -> list[State] | None:
         """The servos as last seen, if they were at rest and that was so lately that no watchdog has tripped since."""
@@ -299,7 +233,7 @@ class DynamixelStage:
         except PortGone as e:
             if not self.bus.reopen(self.grace_s):
                 raise self._gone(e) from None
-            self._configure()
+            self.servos.configure()
             return self._pose(self.states())
 
     def park(self) -> None:

@@ -1,12 +1,20 @@
 """The doctor on emulated patients."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
-from drivers.doctor import _latency, doctor
+from drivers.doctor import doctor
+from drivers.latency import too_slow
 from gonio.brdf.lambert import Lambert
-from gonio.config.rig import DevicesConfig
+from gonio.config import load_config
+from gonio.config.rig import CameraDeviceConfig, DevicesConfig, RigConfig
+from gonio.rigs import open_rig
+from sim.camera import SimFrames
 from sim.sample import Sample
 from sim.wire.rig import Emulators
+from tests.conftest import ROOT
 from tests.drivers.bench import WIRE
 
 CONFIG = WIRE.model_copy(update={"park_deg": {"light": -20.0, "detector": 30.0}})
@@ -29,7 +37,9 @@ def test_a_healthy_rig(there):
     text = "\n".join(lines)
     for said in ("light: XM430-W350 id 1, firmware 48, 12.0 V, 35 C, at -20.0", "dark level 0.00", "on/off contrast 2"):
         assert said in text
-    assert all(s.get(64) == 0 and s.get(116) == round(s.position(0)) for s in there.servos.values())  # nothing moved
+    assert all(
+        s.get(64) == 0 and s.get(116) == round(s.position(there.clock.now())) for s in there.servos.values()
+    )  # nothing moved
     assert not there.light.lamp.lit
 
 
@@ -49,8 +59,6 @@ def test_a_healthy_rig(there):
     ],
 )
 def test_what_ails_it_is_named(there, ail, said):
-    import numpy as np
-
     there.sample_zero = np.zeros(3)
     ail(there)
     assert any(said in line for line in findings(there)), findings(there)
@@ -63,8 +71,82 @@ def test_nothing_configured():
 
 
 @pytest.mark.parametrize(("ms", "said"), [(16, "warn stage: USB latency timer is 16 ms"), (1, "ok   stage: USB")])
-def test_latency_timer(tmp_path, ms, said):
-    (tmp_path / "ttyUSB0").mkdir()
-    (tmp_path / "ttyUSB0" / "latency_timer").write_text(f"{ms}\n")
-    assert next(iter(_latency("/dev/ttyUSB0", tmp_path))).startswith(said)
-    assert not list(_latency("/dev/ttyACM0", tmp_path))
+def test_latency_timer(there, tmp_path, monkeypatch, ms, said):
+    port = Path(there.devices.stage.port).resolve().name
+    monkeypatch.setattr("drivers.latency.SYS", tmp_path)
+    assert not any("latency" in line for line in findings(there))  # an adapter that has none
+    (tmp_path / port).mkdir()
+    (tmp_path / port / "latency_timer").write_text(f"{ms}\n")
+    assert any(line.startswith(said) for line in findings(there))
+    slow = too_slow(there.devices.stage.port)
+    assert (slow is None) is (ms == 1) and (not slow or f"echo 1 > {tmp_path / port}/latency_timer" in slow)
+
+
+def test_a_slow_adapter_is_told_at_connect(monkeypatch, caplog):
+    monkeypatch.setattr("drivers.rig.too_slow", lambda port: "USB latency timer is 16 ms")
+    open_rig(CONFIG, Lambert([0.3, 0.2, 0.1]), 1).close()
+    assert [r.message for r in caplog.records] == ["stage: USB latency timer is 16 ms"]
+
+
+# ---- a camera
+
+CAMERA = load_config(ROOT / "configs/rigs/camera.yaml", RigConfig).model_copy(update={"park_deg": CONFIG.park_deg})
+
+
+@pytest.fixture
+def eye(there):
+    """An emulated camera that sees the emulated lamp."""
+    lamp, c = there.light.lamp, CAMERA.camera
+    return SimFrames(lambda: np.full(3, 0.5 * c.sensor.white_per_s * lamp.power()), c.sensor, (c.height, c.width, 3))
+
+
+def camera_findings(there, eye, config=CAMERA):
+    return [line for line in doctor(config, there.devices, eye) if "camera" in line or "light:" in line]
+
+
+def test_a_camera_is_named_and_tested(there, eye):
+    text = "\n".join(camera_findings(there, eye))
+    assert "FAIL" not in text
+    for said in (
+        "ok   camera: simulated camera, offers 12 bits linear",
+        "auto_exposure 1, gain 0, auto_white_balance 0, white_balance 5000",
+        "exposures 0.0001 to 0.4096 s read back, dark level 21",
+        "ok   light: on/off contrast 5",
+        "ok   camera: linear to 0.",
+        "warn camera: as drawn; run `gonio calibrate camera`",
+    ):
+        assert said in text, text
+    assert not there.light.lamp.lit and eye.dead  # let go
+
+
+def gamma(eye):
+    plain = eye.frame
+    eye.frame = lambda s: (4095 * (plain(s) / 4095.0) ** 0.45).astype(np.uint16)
+
+
+@pytest.mark.parametrize(
+    ("ail", "said"),
+    [
+        (lambda t, e: setattr(e, "dead", True), "FAIL camera: delivers no frames; check its cable"),
+        (lambda t, e: e.stubborn.add("auto_exposure"), "FAIL camera: auto_exposure set to 1 reads 3"),
+        (lambda t, e: e.stubborn.add("exposure"), "FAIL camera: exposure set to 1 reads 156"),
+        (lambda t, e: setattr(e, "scene", lambda: np.full(3, 3e3)), "warn camera: the dark is 14% of full scale"),
+        (lambda t, e: setattr(e, "scene", lambda: np.zeros(3)), "FAIL light: switching it on changes nothing"),
+        (lambda t, e: gamma(e), "is its gamma fixed at linear?"),
+        (lambda t, e: t.light.open_door(), "FAIL light: interlock open"),
+    ],
+)
+def test_what_ails_a_camera_is_named(there, eye, ail, said):
+    ail(there, eye)
+    lines = camera_findings(there, eye)
+    assert any(said in line for line in lines), lines
+    assert not there.light.lamp.lit
+
+
+def test_a_camera_that_is_not_there(there, tmp_path):
+    assert "FAIL camera: none is configured; name it under devices.camera" in doctor(CAMERA, there.devices)
+    devices = there.devices.model_copy(update={"camera": CameraDeviceConfig(device="/dev/v4l/by-id/none")})
+    assert any("FAIL camera: /dev/v4l/by-id/none is not there; plug it in" in x for x in doctor(CAMERA, devices))
+    (tmp_path / "video9").touch()  # no camera behind it
+    devices = there.devices.model_copy(update={"camera": CameraDeviceConfig(device=str(tmp_path / "video9"))})
+    assert any("video9 cannot be opened; check its cable" in x for x in doctor(CAMERA, devices))

@@ -8,7 +8,6 @@ import pytest
 
 from drivers.dynamixel import tables as t
 from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.poll import State
 from drivers.dynamixel.stage import COUNT, DynamixelStage
 from gonio.rig.build import envelope_of
 from gonio.rig.clock import VirtualClock
@@ -61,9 +60,10 @@ def test_the_way_is_a_straight_line_and_stays_out_of_the_cone():
             continue
         moves += 1
         at, goals = stage._counts(a), stage._counts(b)
-        still = [State(0, 25, n, False, n, 12.0, 30) for n in at.values()]
         servos = [Servo(k, clock, at[k]) for k in stage.ids]
-        for s, data in zip(servos, stage._profile(still, goals).values()):
+        profile = stage._profile((np.array(list(goals.values())) - np.array(list(at.values()))) * COUNT)
+        for s, goal in zip(servos, goals.values()):
+            data = profile + goal.to_bytes(4, "little")
             assert s.write(10, b"\4") == s.write(64, b"\1") == s.write(108, data) == 0
         seconds = max(s._seconds() for s in servos)
         when = np.linspace(0, seconds, 50)
@@ -167,7 +167,9 @@ def test_a_tripped_watchdog_is_armed_again(bench):
 def test_a_host_that_dies_stops_the_servos(tmp_path):
     bench = Bench(tmp_path, scale=1.0, watchdog_s=0.04)
     bench.stage.connect()
-    bench.stage._start({1: 3000, 2: 2048, 3: 2048, 4: 2048}, bench.stage.states())
+    goals = {1: 3000, 2: 2048, 3: 2048, 4: 2048}
+    profile = bench.stage._profile(pose(952, 0, 0, 0))
+    bench.stage.servos.start(goals, profile, bench.stage.states(), threading.Event())
     time.sleep(0.3)
     bench.servos[1].feed()
     assert bench.servos[1].get(98) == 255

@@ -83,12 +83,45 @@ def test_1_without_the_silence_it_would_be_taken(bench, monkeypatch):
     bus = bench.stage.bus
     bus.open()
     monkeypatch.setattr(bus.port, "drain", lambda *a: None)
+    monkeypatch.setattr(bus, "_in_step", lambda servo: True)
     monkeypatch.setattr("drivers.dynamixel.bus.TRIES", 1)
     bench.servos[1].put(116, 1234)
     held(bench)
     with pytest.raises(DeviceFault):
         bus.read(1, t.GOAL)
     assert bus.read(1, t.PRESENT_POSITION) == 1234
+
+
+# by the time the first of these comes, the driver has given up on it, seen 30 ms of silence, and gone on
+LATER = 0.08, 0.03, 0.03
+
+
+def test_1_a_reply_later_than_timeout_and_silence_together(bench):
+    bus = bench.stage.bus
+    bus.open()
+    bench.servos[1].put(116, 1234)
+    assert bus.read(1, t.MODEL) == 1020
+    late(bench, *LATER)
+    assert bus.read(1, t.GOAL) == 1234 and bus.read(1, t.PRESENT_POSITION) == 2048 and bus.failures > 0
+
+
+def test_1_out_of_step_it_would_be_taken(bench, monkeypatch):
+    bus = bench.stage.bus
+    bus.open()
+    bench.servos[1].put(116, 1234)
+    assert bus.read(1, t.MODEL) == 1020
+    monkeypatch.setattr(bus, "_in_step", lambda servo: True)
+    late(bench, *LATER)
+    assert bus.read(1, t.GOAL) == 1234 and bus.read(1, t.PRESENT_POSITION) == 1234
+
+
+def test_1_late_states_are_not_those_of_now(bench):
+    bench.stage.connect()
+    before = bench.stage.states()[0].position
+    late(bench, *[0.08] * 4)
+    bench.stage.states()
+    bench.servos[1].hold(before + 500)
+    assert bench.stage.states()[0].position == before + 500
 
 
 def test_2_an_error_has_no_value(bench, sdk):
