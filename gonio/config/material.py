@@ -27,10 +27,27 @@ class Target(Section):
         return v
 
 
+class FlowConfig(Section):
+    """The flow of proposal `flow`: what it starts from and what is learnt on the way."""
+
+    start: Literal["code", "zoo", "fresh"] = Field(
+        "code", description="code: one flow over many materials, its code fitted; zoo: by GGX roughness; fresh: nothing"
+    )
+    train: bool = Field(True, description="train all weights too, not only the code (needs the extra `flow`: torch)")
+    epsilon: float = Field(0.02, gt=0, lt=1, description="share of draws even in the cube, whatever is learnt")
+    coordinates: Literal["half", "vndf", "flat", "raw"] = Field("half", description="of a fresh flow")
+    warp: Literal["quadratic", "rational"] = Field("quadratic", description="of a fresh flow; so are those below")
+    encoding: Literal["plain", "one_blob", "harmonics"] = "one_blob"
+    alpha: float = Field(0.1, ge=1e-4, le=1, description="roughness of the `vndf` cube")
+    couplings: int = Field(4, ge=1, le=32)
+    bins: int = Field(24, ge=2, le=256)
+    hidden: int = Field(64, ge=4, le=1024)
+
+
 class SamplerConfig(Section):
     """Which proposal drives the chains, and its numbers. `sampler: thesis` is the 2024 thesis's own setting."""
 
-    proposal: Plain | Literal["auto", "delayed"] = "auto"
+    proposal: Plain | Literal["auto", "delayed", "flow"] = "auto"
     inner: Plain = Field("pss_simple", description="the proposal that `delayed` acceptance stands around")
     chains: int = Field(1, ge=1, le=100_000)
     sigma: float = Field(0.05, gt=0, le=1, description="local step, per coordinate of the unit cube")
@@ -40,7 +57,10 @@ class SamplerConfig(Section):
     alpha: float = Field(0.1, ge=1e-4, le=1, description="GGX roughness of pss_vndf and independence")
     alpha_y: float | None = Field(None, ge=1e-4, le=1, description="second roughness, anisotropic samples")
     block: int = Field(64, ge=1, le=4096, description="independence proposals handed out at once")
-    adapt: bool = Field(True, description="refit the proposal while sampling (auto)")
+    adapt: bool | Literal["thesis"] = Field(
+        True, description="refit the proposal while sampling (auto, flow); thesis: as the thesis did, to show it (flow)"
+    )
+    flow: FlowConfig = FlowConfig()
     target: Target = Target()
 
 

@@ -27,8 +27,11 @@ class FlowDensity:
 
     def sample(self, uniform: Array) -> tuple[Array, Array]:
         """wi, wo (N, 3) from uniform (5, N); wo may fall below the horizon in some cubes."""
-        x, _ = self.flow.from_base(uniform[5 - self.cube.dimensions :].T)
-        wi, wo = self.cube.to_directions(x)
+        return self.placed(self.cube, self.flow.from_base(uniform[5 - self.cube.dimensions :].T)[0], uniform)
+
+    def placed(self, cube: Cube, x: Array, uniform: Array) -> tuple[Array, Array]:
+        """Directions of points x (N, D) of a cube; if isotropic, mirrored and turned by uniform[:2] (5, N)."""
+        wi, wo = cube.to_directions(x)
         if self.isotropic:
             wo[uniform[0] < 0.5, 1] *= -1
             c, s = np.cos(2 * np.pi * uniform[1]), np.sin(2 * np.pi * uniform[1])

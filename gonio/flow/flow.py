@@ -12,11 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from gonio.flow import encoding
+from gonio.flow import encoding, one_point
+from gonio.flow.coupling import Coupling
 from gonio.flow.quadratic import Quadratic
 from gonio.flow.rational import Rational
 from gonio.geometry import Array
 
+CHUNK = 512  # points whose activations the processor's cache holds
 WARPS: dict[str, Any] = {"quadratic": Quadratic, "rational": Rational}
 
 
@@ -120,6 +122,8 @@ class Flow:
 
     def log_prob(self, x: Array) -> Array:
         """log density (N,) at x (N, D) in the cube."""
+        if len(x) == 1 and self.shape.warp == "quadratic" and not self.shape.periodic:
+            return np.array([one_point.log_prob(self._couplings, self.shape, x[0])])
         return self.to_base(x)[1]
 
     def to_base(self, x: Array) -> tuple[Array, Array]:
@@ -148,24 +152,26 @@ class Flow:
         y[:, list(self.shape.leading)] = given
         return y, log_q
 
-    def _forward(self, couplings: list["_Coupling"], y: Array) -> Array:
+    def _forward(self, couplings: list[Coupling], y: Array) -> Array:
         """Moves y (N, D) towards the base in place; log |slope| (N,)."""
         log_q = np.zeros(len(y))
-        for c in couplings:
-            warp, shift = self._shape_of(c, y)
-            here = y[:, c.moved]
-            y[:, c.moved], slope = warp.forward(here if shift is None else (here + shift) % 1.0)
-            log_q += slope
+        for part in _chunks(len(y)):
+            for c in couplings:
+                warp, shift = self._shape_of(c, y[part])
+                here = y[part, c.moved]
+                y[part, c.moved], slope = warp.forward(here if shift is None else (here + shift) % 1.0)
+                log_q[part] += slope
         return log_q
 
-    def _backward(self, couplings: list["_Coupling"], y: Array) -> Array:
+    def _backward(self, couplings: list[Coupling], y: Array) -> Array:
         """Moves y (N, D) away from the base in place; log |slope| (N,) of the way towards it."""
         log_q = np.zeros(len(y))
-        for c in reversed(couplings):
-            warp, shift = self._shape_of(c, y)
-            here, slope = warp.inverse(y[:, c.moved])
-            y[:, c.moved] = here if shift is None else (here - shift) % 1.0
-            log_q += slope
+        for part in _chunks(len(y)):
+            for c in reversed(couplings):
+                warp, shift = self._shape_of(c, y[part])
+                here, slope = warp.inverse(y[part, c.moved])
+                y[part, c.moved] = here if shift is None else (here - shift) % 1.0
+                log_q[part] += slope
         return log_q
 
     def to_arrays(self) -> dict[str, Array]:
@@ -177,7 +183,7 @@ class Flow:
         shape = Shape.from_arrays(d)
         return cls(shape, {k[7:]: v for k, v in d.items() if k.startswith("weight.")}, d.get("code"))
 
-    def _coupling(self, k: int, moved: int, given: tuple[int, ...]) -> "_Coupling":
+    def _coupling(self, k: int, moved: int, given: tuple[int, ...]) -> Coupling:
         w = self.weights
         inputs = self.shape.inputs(given)
         # the code is the same for every point: its part of the first layer is a bias
@@ -186,17 +192,17 @@ class Flow:
         periodic = tuple(d in self.shape.periodic for d in given)
         columns = list(given)
         first = w[f"{k}.in.w"][:inputs]
-        c = _Coupling(moved, columns, periodic, first, bias, layers, w[f"{k}.out.w"], w[f"{k}.out.b"])
+        c = Coupling(moved, columns, periodic, first, bias, layers, w[f"{k}.out.w"], w[f"{k}.out.b"])
         if not given:
             c.constant = self._warped(c, c.network(np.zeros((1, 0), np.float32)))
         return c
 
-    def _shape_of(self, c: "_Coupling", y: Array):
+    def _shape_of(self, c: Coupling, y: Array):
         if c.constant is not None:
             return c.constant
         return self._warped(c, c.network(encoding.features(self.shape.encoding, y[:, c.given], c.periodic)))
 
-    def _warped(self, c: "_Coupling", raw: Array):
+    def _warped(self, c: Coupling, raw: Array):
         tied = c.moved in self.shape.periodic
         shift = raw[:, -1].astype(float) if tied else None
         return self._warp(raw[:, :-1] if tied else raw, self.shape.bins, tied), shift
@@ -207,30 +213,5 @@ def _inside(x: Array) -> Array:
     return np.minimum(np.maximum(x, 0.0), 1.0)
 
 
-@dataclass
-class _Coupling:
-    """One coupling's residual network. `constant` is its warp where nothing is given."""
-
-    moved: int
-    given: list[int]
-    periodic: tuple[bool, ...]
-    first: Array
-    bias: Array
-    layers: list[tuple[Array, Array]]
-    last: Array
-    last_bias: Array
-    constant: tuple | None = None
-
-    def network(self, x: Array) -> Array:
-        h = x @ self.first
-        h += self.bias
-        for (w1, b1), (w2, b2) in zip(self.layers[::2], self.layers[1::2]):
-            r = np.maximum(h, 0) @ w1
-            r += b1
-            np.maximum(r, 0, r)
-            r = r @ w2
-            r += b2
-            h += r
-        out = np.maximum(h, 0) @ self.last
-        out += self.last_bias
-        return out
+def _chunks(n: int) -> list[slice]:
+    return [slice(k, k + CHUNK) for k in range(0, n, CHUNK)]

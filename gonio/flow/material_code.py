@@ -9,9 +9,9 @@ import numpy as np
 from gonio.flow.flow import Flow
 from gonio.geometry import Array
 
-STARTS = 3
-POINTS = 1500  # of largest weight, used for one fit
-STEP = 1e-3
+STARTS = 2
+POINTS = 800  # of largest weight, used for one fit
+STEP = 3e-3
 FARTHEST = 4.0  # standard deviations of the training's codes, along each of their axes
 
 
@@ -34,8 +34,8 @@ class Codes:
     def inside(self, unit: Array) -> Array:
         return np.clip(unit, -FARTHEST, FARTHEST)
 
-    def fit(self, flow: Flow, x: Array, weight: Array) -> Array:
-        """The code (C,) for points x (N, D) of the cube with weights (N,) >= 0."""
+    def fit(self, flow: Flow, x: Array, weight: Array, start: Array | None = None) -> Array:
+        """The code (C,) for points x (N, D) of the cube with weights (N,) >= 0; from `start` if there is one."""
         from scipy.optimize import minimize
 
         top = np.argsort(weight)[-POINTS:]
@@ -48,11 +48,14 @@ class Codes:
         def loss_and_gradient(unit: Array) -> tuple[float, Array]:
             here = loss(unit)
             steps = STEP * np.eye(len(unit))
-            return here, np.array([(loss(unit + s) - loss(unit - s)) / (2 * STEP) for s in steps])
+            return here, np.array([(loss(unit + s) - here) / STEP for s in steps])
 
-        few = slice(None, None, max(1, len(x) // 200))
-        likely = [-(w[few] @ flow.at(c).log_prob(x[few])) for c in self.table]
-        starts = self.table[np.argsort(likely)[:STARTS]]
+        if start is None:
+            few = slice(None, None, max(1, len(x) // 150))
+            likely = [-(w[few] @ flow.at(c).log_prob(x[few])) for c in self.table]
+            starts = self.table[np.argsort(likely)[:STARTS]]
+        else:
+            starts = np.atleast_2d(start)
         bounds = [(-FARTHEST, FARTHEST)] * len(self.mean)
         best = min(
             (

@@ -11,7 +11,7 @@ def make_sampler(material, reachable=None, fit_surrogate=None) -> Sampler:
 
     c, anisotropic = material.sampler, material.symmetry == "anisotropic"
     return Sampler(
-        make_plan(c, anisotropic, fit_surrogate),
+        make_plan(c, anisotropic, fit_surrogate, material.seed),
         make_target(c, len(material.channels)),
         chains=c.chains,
         channels=len(material.channels),

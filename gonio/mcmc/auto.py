@@ -75,13 +75,21 @@ class Auto:
             return
         target.rescale(f[known], wo[known, 2], log_q[known])
         log_w = target.log_prob(f[known], wo[known, 2]) - log_q[known]
-        self.shares = leant(fit_shares(self.dictionary, wi[known], wo[known], log_w))
+        self._fit_density(wi[known], wo[known], log_w)
         self.fits += 1
         if self.fit_surrogate is not None and len(f) >= self._next_surrogate:
             self._next_surrogate = 2 * len(f)
             self._seen = (wi, wo, f, log_q)
             self._fit_screen()
         self._use(target)
+
+    def _fit_density(self, wi: Array, wo: Array, log_w: Array) -> None:
+        """What to draw from, by draws (N, 3) of log importance weights (N,)."""
+        self.shares = leant(fit_shares(self.dictionary, wi, wo, log_w))
+
+    def _densities(self) -> list[Any]:
+        """What was learnt as densities to choose from, each with `log_prob` and `sample`; the most likely first."""
+        return [Mixture(self.dictionary, self.shares)]
 
     def _fit_screen(self) -> None:
         assert self._seen is not None and self.fit_surrogate is not None
@@ -92,14 +100,14 @@ class Auto:
         self.screen = None if brdf is None else lambda wi, wo: brdf.eval(wi, wo) + floor
 
     def _use(self, target: Target) -> None:
-        mixture = Mixture(self.dictionary, self.shares)
-        self.independence.density, self.independence.screened = mixture, None
+        mixtures = self._densities()
+        self.independence.density, self.independence.screened = mixtures[0], None
         if (screen := self.screen) is not None and self._seen is not None:
             frozen = target.copy()
             wi, wo, f, log_q = self._seen
             unseen = (np.arange(len(f)) % HELD_OUT == 0) & np.isfinite(log_q)
-            self.independence.screened = choose(
-                mixture,
+            self.independence.density, self.independence.screened = choose(
+                mixtures,
                 lambda wi, wo: frozen.log_prob(screen(wi, wo), wo[:, 2]) + log_lean(wi),
                 wi[unseen],
                 wo[unseen],

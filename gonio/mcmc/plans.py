@@ -58,12 +58,16 @@ def plain_proposal(name: str, c: SamplerConfig, anisotropic: bool):
     raise KeyError(name)
 
 
-def make_plan(c: SamplerConfig, anisotropic: bool, fit_surrogate: Callable | None = None):
+def make_plan(c: SamplerConfig, anisotropic: bool, fit_surrogate: Callable | None = None, seed: int = 0):
     """The plan a config names. fit_surrogate(wi, wo, f) -> Brdf is what `delayed` screens proposals with."""
     if c.proposal == "auto":
         from gonio.mcmc.auto import Auto
 
-        return Auto(block=c.block, anisotropic=anisotropic, adapt=c.adapt, fit_surrogate=fit_surrogate)
+        return Auto(block=c.block, anisotropic=anisotropic, adapt=bool(c.adapt), fit_surrogate=fit_surrogate)
+    if c.proposal == "flow":
+        from gonio.mcmc.flow_plan import FlowPlan
+
+        return FlowPlan(c.flow, seed, block=c.block, anisotropic=anisotropic, fit_surrogate=fit_surrogate)
     if c.proposal == "delayed":
         from gonio.mcmc.delayed import Delayed
 

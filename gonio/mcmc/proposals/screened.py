@@ -7,6 +7,7 @@ kept are no steps: how many there were says nothing about where the chain is. rh
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -50,16 +51,15 @@ class Screened:
         return self.thinned(wi, wo, np.zeros(len(wi)))[1]
 
 
-def choose(mixture: Mixture, log_surrogate, wi: Array, wo: Array, log_p: Array, log_q: Array) -> Screened | None:
-    """The density whose weights vary least, judged on draws (N,) that the surrogate has not seen; None = the mixture.
+def choose(mixtures: list[Any], log_surrogate, wi: Array, wo: Array, log_p: Array, log_q: Array):
+    """Which of `mixtures` to draw from and, unless it serves best as it is (None), how to thin it: (mixture, Screened).
 
-    The second moment of the weights p / g is an average of (p / q)(p / g) over draws of density q.
+    The one whose weights vary least, judged on draws (N,) that neither mixture nor surrogate has seen: the second
+    moment of the weights p / g is an average of (p / q)(p / g) over draws of density q.
     """
-    candidates = [Screened(mixture, log_surrogate, plain) for plain in PLAIN]
-    log_g = [mixture.log_prob(wi, wo), *(g.log_prob(wi, wo) for g in candidates)]
-    log_moments = [_log_mean(2 * log_p - log_q - g) for g in log_g]
-    best = int(np.argmin(log_moments))
-    return candidates[best - 1] if best else None
+    pairs = [(m, s) for m in mixtures for s in (None, *(Screened(m, log_surrogate, plain) for plain in PLAIN))]
+    log_moments = [_log_mean(2 * log_p - log_q - (m if s is None else s).log_prob(wi, wo)) for m, s in pairs]
+    return pairs[int(np.argmin(log_moments))]
 
 
 def _log_mean(x: Array) -> float:
