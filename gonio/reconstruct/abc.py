@@ -8,6 +8,7 @@ from gonio.brdf.abc import lobe
 from gonio.geometry import Array
 from gonio.reconstruct import ReconstructionError
 from gonio.reconstruct.log_nnls import log_nnls
+from gonio.reconstruct.residual import LogRatio
 from gonio.reconstruct.samples import Samples
 from gonio.reconstruct.usable import usable
 
@@ -53,7 +54,8 @@ class _Problem:
     def __init__(self, s: Samples):
         self.s, self.cos = s, s.wo[:, 2]
         self.target = s.f * self.cos[:, None]
-        self.floor = np.maximum(1e-3 * self.target.mean(0), 1e-300) + s.sigma * self.cos[:, None]
+        sigma = s.sigma * self.cos[:, None]
+        self.floor = np.maximum(LogRatio.of(self.target, sigma).floor, 1e-300) + sigma
         self.log_target = np.log(self.target + self.floor)
 
     def loss(self, p: Array) -> float:
