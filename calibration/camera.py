@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.stamp import stamp
+from gonio.geometry import Array
 from gonio.rig.calibration import CameraCalibration
 from gonio.rig.errors import CalibrationMissing
 
@@ -45,32 +46,51 @@ def board_image(board: Board, pixels_per_square: int = 120) -> Image:
     return board.charuco().generateImage((board.across * pixels_per_square, board.down * pixels_per_square))
 
 
-def calibrate_camera(views: Sequence[Image], board: Board, rig: str, simulated: bool = False) -> CameraCalibration:
-    """The camera of grey views (H, W) of the board. Raises CalibrationMissing where too few of them show it."""
+@dataclass(frozen=True)
+class Corners:
+    """Corners of the board that one view shows: (N, 3) metres on the board, (N, 2) pixels."""
+
+    on_board: Array
+    in_view: Array
+
+
+def find_corners(views: Sequence[Image], board: Board) -> list[Corners | None]:
+    """Of each grey view (H, W); None where it shows too few of them."""
     import cv2
 
     charuco = board.charuco()
     detector = cv2.aruco.CharucoDetector(charuco)
-    objects, images = [], []
+    found: list[Corners | None] = []
     for view in views:
         corners, ids, _, _ = detector.detectBoard(view)
-        if ids is not None and len(ids) >= FEWEST_CORNERS:
-            on_board, in_view = charuco.matchImagePoints(corners, ids)
-            objects.append(on_board)
-            images.append(in_view)
-    if len(objects) < FEWEST_VIEWS:
+        if ids is None or len(ids) < FEWEST_CORNERS:
+            found.append(None)
+            continue
+        on_board, in_view = charuco.matchImagePoints(corners, ids)
+        found.append(Corners(np.asarray(on_board, np.float32).reshape(-1, 3), np.asarray(in_view).reshape(-1, 2)))
+    return found
+
+
+def calibrate_camera(
+    corners: Sequence[Corners | None], size: tuple[int, int], rig: str, simulated: bool = False
+) -> CameraCalibration:
+    """The camera of pictures of size (width, height). Raises CalibrationMissing where too few show the board."""
+    import cv2
+
+    good = [c for c in corners if c is not None]
+    if len(good) < FEWEST_VIEWS:
         raise CalibrationMissing(
-            f"camera: {len(objects)} of {len(views)} views show {FEWEST_CORNERS} corners or more, {FEWEST_VIEWS} are "
+            f"camera: {len(good)} of {len(corners)} views show {FEWEST_CORNERS} corners or more, {FEWEST_VIEWS} are "
             "needed; take sharper views that fill the frame"
         )
-    height, width = views[0].shape[:2]
-    rms, matrix, distortion, _, _ = cv2.calibrateCamera(objects, images, (width, height), None, None)  # type: ignore[call-overload]
+    objects, images = [c.on_board for c in good], [c.in_view for c in good]
+    rms, matrix, distortion, _, _ = cv2.calibrateCamera(objects, images, size, None, None)  # type: ignore[call-overload]
     found: dict[str, Any] = {
         "matrix": matrix.tolist(),
         "distortion": distortion.ravel().tolist(),
-        "size": (width, height),
+        "size": size,
         "rms_px": float(rms),
-        "views": len(objects),
+        "views": len(good),
     }
     return CameraCalibration(**stamp("camera", found, rig, simulated), **found)
 

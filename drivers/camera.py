@@ -124,7 +124,8 @@ class Camera:
             first = self.frame(t).astype(float)
             darks.append((first + sum(self.more(t).astype(float) for _ in range(AVERAGED - 1))) / AVERAGED)
         bad = bad_pixels(darks[-1], None, self.read_noise)
-        self.frames = Frames(self.config.exposure_s, np.stack(darks), AVERAGED, bad)
+        flat = None if self.frames is None else self.frames.flat
+        self.frames = Frames(self.config.exposure_s, np.stack(darks), AVERAGED, bad, flat)
 
     def learn_flat(self) -> None:
         """With something evenly bright before it, after `learn_dark`: the vignetting, 1 in the middle.
@@ -139,8 +140,8 @@ class Camera:
         if p.saturated.mean() > 0.01 or value.mean() < 5 * p.sigma.mean():
             raise DeviceFault("camera", "sees no even surface", "let one fill its picture, neither dark nor glaring")
         height, width = dark.bad.shape
-        middle = value[height * 7 // 16 : height * 9 // 16 + 1, width * 7 // 16 : width * 9 // 16 + 1]
-        flat = value / np.median(middle, (0, 1))
+        middle = slice(height * 7 // 16, height * 9 // 16 + 1), slice(width * 7 // 16, width * 9 // 16 + 1)
+        flat = value / value[middle][~dark.bad[middle]].mean(0)
         bad = dark.bad | bad_pixels(np.zeros_like(flat), flat, self.read_noise)
         self.frames = Frames(dark.exposures, dark.dark, dark.averaged, bad, np.where(bad[..., None], 1.0, flat))
 

@@ -29,7 +29,7 @@ from gonio.rig.build import (
     view_of,
 )
 from gonio.rig.clock import Clock, RealClock
-from gonio.rig.errors import DeviceFault
+from gonio.rig.errors import CalibrationMissing, DeviceFault
 from gonio.rig.staged import StagedRig
 
 log = logging.getLogger(__name__)
@@ -132,7 +132,13 @@ def camera_detector(
     """
     camera = Camera(source, config.camera)
     camera.configure()
-    if (known := camera_frames(config)) is not None:
+    try:
+        known = camera_frames(config)
+    except CalibrationMissing:
+        if calibrated:
+            raise
+        known = None  # it is about to be made anew
+    if known is not None:
         camera.use(known)
     else:
         camera.learn_dark()

@@ -34,6 +34,10 @@ def open_rig(
         return _family(config, "drivers.rig").open_real(config, plan, isotropic)
     if truth is None:
         raise ConfigError(f"truth: missing; rig {config.name} is simulated and needs a BRDF to show")
+    if config.channels not in (None, truth.channels):
+        raise ConfigError(
+            f"camera.channels: rig {config.name} names {config.channels} planes, the truth has {truth.channels}"
+        )
     from sim.sample import Sample
 
     half = np.radians([config.acceptance.light_half_angle_deg, config.acceptance.detector_half_angle_deg])

@@ -1,11 +1,16 @@
 """calibrate camera, geometry, radiometry: each writes a dated file that the rig's YAML then names."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gonio.commands.rig import RigOption, rig_config
+
+if TYPE_CHECKING:
+    from gonio.daemon.held import Held
 
 app = typer.Typer(help="Calibrate camera, geometry or radiometry of a rig.", no_args_is_help=True)
 Out = Annotated[Path, typer.Option(help="folder of calibrations")]
@@ -22,10 +27,17 @@ def camera(
     square_mm: Annotated[float, typer.Option(min=1, help="side of a square, as printed")] = 30.0,
     marker_mm: Annotated[float, typer.Option(min=1, help="side of a marker, as printed")] = 22.0,
     board: Annotated[Path | None, typer.Option(help="write the board to print as this PNG, and end")] = None,
+    poses: Annotated[
+        Path | None, typer.Option(help="CSV: view, <axis>_deg of every axis; the board lies in the sample's place")
+    ] = None,
+    dark: Annotated[bool, typer.Option("--dark", help="measure dark frames and bad pixels; the lamp goes off")] = False,
+    flat: Annotated[bool, typer.Option("--flat", help="measure the flat frame; a diffuser is before the lens")] = False,
 ) -> None:
-    """The camera's pinhole and distortion from pictures of a ChArUco board."""
-    from calibration.camera import Board, board_image, calibrate_camera, read_views
+    """The camera: its optics from pictures of a ChArUco board, with --poses also its mount; or --dark, --flat."""
+    from calibration.camera import Board, board_image, calibrate_camera, find_corners, read_views
+    from calibration.mount import calibrate_mount, read_poses
     from gonio.config import ConfigError
+    from gonio.rig.errors import CalibrationMissing
 
     try:
         made = Board(across, down, square_mm / 1000, marker_mm / 1000)
@@ -38,11 +50,25 @@ def camera(
             raise ConfigError(f"{board}: cannot be written; name a .png in a folder that exists")
         typer.echo(f"board  {board}: print it so that a square measures {square_mm:g} mm")
         return
+    if dark or flat:
+        _frames(rig, out, flat)
+        return
     if not views:
-        raise ConfigError("name pictures of the board; --board FILE.png makes one to print")
+        raise ConfigError("name pictures of the board (--board FILE.png makes one to print), or --dark, or --flat")
     config = rig_config(rig)
-    found = calibrate_camera(read_views(views), made, config.name, config.depth != "real")
-    _save(found, out, f"{found.views} views, reprojection {found.rms_px:.2f} pixels")
+    pictures = read_views(views)
+    corners = find_corners(pictures, made)
+    height, width = pictures[0].shape
+    found = calibrate_camera(corners, (width, height), config.name, config.depth != "real")
+    text = f"{found.views} views, reprojection {found.rms_px:.2f} pixels"
+    if poses is not None:
+        known = read_poses(poses, config)
+        if lost := [v.name for v in views if v.name not in known]:
+            raise CalibrationMissing(f"{poses}: no row for the view {lost[0]}; give every picture its pose")
+        seen = [(c, known[v.name]) for c, v in zip(corners, views) if c is not None]
+        found = calibrate_mount(found, [c for c, _ in seen], [p for _, p in seen], config)
+        text += f", mount {found.mount_rms_px:.2f} pixels"
+    _save(found, out, text)
 
 
 @app.command()
@@ -73,6 +99,30 @@ def radiometry(
 
     from calibration.radiometry import measure_reference
     from gonio.brdf.lambert import Lambert
+
+    with _held(rig) as held:
+        # what lies on a simulated rig is the reference itself
+        reference = None if held.config.depth == "real" else Lambert(np.pi * np.array(f))
+        found = measure_reference(held.as_is(reference, calibrated=False), theta_i, theta_o, np.array(f))
+    gains = ", ".join(f"{g:.4g} ± {s:.1g}" for g, s in zip(found.gain, found.gain_sigma))
+    _save(found, out, f"gain {gains}, linearity {found.linearity:+.2%}")
+
+
+def _frames(rig: str, out: Path, flat: bool) -> None:
+    from calibration.camera_frames import measure_frames
+
+    with _held(rig) as held:
+        found = measure_frames(held.as_is(calibrated=False), flat=flat)
+    path = found.save(out)
+    text = f"{len(found.exposures)} dark frames, {int(found.bad.sum())} bad pixels"
+    if found.flat is not None:
+        text += f", flat from {found.flat.min():.2f} to {found.flat.max():.2f}"
+    typer.echo(f"frames  {text}\nfile  {path}: name it in the rig's YAML as calibration.frames")
+
+
+@contextmanager
+def _held(rig: str) -> Iterator["Held"]:
+    """The rig's devices for this command alone. Raises ConfigError, PlaceError where somebody else drives them."""
     from gonio.config import ConfigError
     from gonio.daemon.client import find
     from gonio.daemon.held import Held
@@ -83,12 +133,8 @@ def radiometry(
         raise ConfigError(f"rig {config.name} is ideal and has no detector to calibrate")
     if find(config.name) is not None:
         raise ConfigError(f"rig {config.name}: a daemon drives it; end the daemon, calibrate, start it again")
-    # what lies on a simulated rig is the reference itself
-    reference = None if config.depth == "real" else Lambert(np.pi * np.array(f))
     with hold_hardware(config), Held(config) as held:
-        found = measure_reference(held.as_is(reference, calibrated=False), theta_i, theta_o, np.array(f))
-    gains = ", ".join(f"{g:.4g} ± {s:.1g}" for g, s in zip(found.gain, found.gain_sigma))
-    _save(found, out, f"gain {gains}, linearity {found.linearity:+.2%}")
+        yield held
 
 
 def _save(found, folder: Path, text: str) -> None:

@@ -41,7 +41,7 @@ class SensorConfig(Section):
     read_noise: float = Field(3.0, ge=0, le=1e4, description="electrons per pixel and frame")
     bits: Literal[8, 10, 12, 14, 16] = 12
     white_per_s: float = Field(
-        1.1e4, gt=0, le=1e12, description="electrons per second and pixel from a white diffuser at the normal (f = 1/pi)"
+        1.1e4, gt=0, le=1e12, description="electrons per second and pixel of a white diffuser at the normal (f = 1/pi)"
     )
     dark_per_s: float = Field(20.0, ge=0, description="electrons per second and pixel without light")
     offset: float = Field(16.0, ge=0, description="counts without light at no exposure")

@@ -187,6 +187,11 @@ class RigConfig(Section):
         return GANTRY_AXES if isinstance(k, Gantry) else GIMBAL_AXES
 
     @property
+    def channels(self) -> int | None:
+        """How many the detector has, None = as many as what it looks at."""
+        return len(self.camera.channels) if self.detector == "camera" else None
+
+    @property
     def footprint(self) -> Footprint:
         """A camera looks at a part of what is lit: its region lies in the light."""
         return "overfilled" if self.detector == "camera" else self.photodiode.footprint

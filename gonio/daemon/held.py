@@ -53,7 +53,7 @@ class Held:
             if self.config.depth != "real" and truth is None:
                 from gonio.brdf.lambert import Lambert
 
-                truth = Lambert([1.0, 1.0, 1.0])
+                truth = Lambert([1.0] * (self.config.channels or 3))
             self.rig = open_rig(self.config, truth, 0)
             self._opened_for = PlanConfig(), False
         return self.rig

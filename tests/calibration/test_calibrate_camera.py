@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.camera import Board, board_image, calibrate_camera, read_views
+from calibration.camera import Board, board_image, calibrate_camera, find_corners, read_views
 from gonio.rig.calibration import CameraCalibration, load_calibration, save_calibration
 from gonio.rig.errors import CalibrationMissing
 
@@ -31,7 +31,7 @@ def views(n, board, seed=0):
 
 
 def test_camera_is_found(tmp_path):
-    found = calibrate_camera(list(views(14, Board())), Board(), "bench", simulated=True)
+    found = calibrate_camera(find_corners(list(views(14, Board())), Board()), SIZE, "bench", simulated=True)
     assert found.rms_px < 0.5 and found.views >= 12 and found.size == SIZE
     np.testing.assert_allclose(np.array(found.matrix)[[0, 1], [0, 1]], 1100, rtol=0.01)
     np.testing.assert_allclose(np.array(found.matrix)[:2, 2], MATRIX[:2, 2], atol=10)
@@ -42,7 +42,7 @@ def test_camera_is_found(tmp_path):
 def test_too_few_views(tmp_path):
     blank = [np.full((720, 1280), 128, np.uint8)] * 8
     with pytest.raises(CalibrationMissing, match="0 of 8 views"):
-        calibrate_camera(blank, Board(), "bench")
+        calibrate_camera(find_corners(blank, Board()), SIZE, "bench")
     (tmp_path / "x.png").write_bytes(b"no image")
     with pytest.raises(CalibrationMissing, match=r"x\.png: not an image"):
         read_views([tmp_path / "x.png"])
