@@ -1,16 +1,22 @@
 """Offsets and tilts of a simulated rig are found from what it sees."""
 
+import csv
+
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from calibration.geometry import Observation, calibrate_geometry
 from calibration.observations import read_observations
+from gonio.brdf.lambert import Lambert
+from gonio.cli import app
 from gonio.config import load_config
-from gonio.config.rig import RigConfig
+from gonio.config.rig import CalibrationFiles, RigConfig
 from gonio.geometry import half_vector, unit
 from gonio.rig.build import gantry_chain, kinematics_of
 from gonio.rig.errors import CalibrationMissing
 from gonio.rig.offsets import Offsets
+from gonio.rigs import open_rig
 from tests.conftest import ROOT
 
 SIM = load_config(ROOT / "configs/rigs/sim.yaml", RigConfig)
@@ -105,3 +111,18 @@ def test_a_table_of_observations(tmp_path):
         read_observations(path, SIM)
     with pytest.raises(CalibrationMissing, match="cannot be read"):
         read_observations(tmp_path / "none.csv", SIM)
+
+
+def test_from_a_table_to_a_rig_by_the_command_line(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with open("seen.csv", "w", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(["kind", *(f"{n}_deg" for n in SIM.axis_names), "x", "y", "z"])
+        for o in observations(25, 0):
+            rows.writerow([o.kind, *np.degrees(o.pose), *o.direction])
+    done = CliRunner().invoke(app, ["calibrate", "geometry", "seen.csv", "--rig", "sim"], catch_exceptions=False)
+    assert done.exit_code == 0 and "observations agree to 0.0" in done.output
+    file = next((tmp_path / "calibrations").glob("geometry-*.yaml"))
+    assert f"calibrations/{file.name}: name it in the rig's YAML as calibration.geometry" in done.output
+    rig = open_rig(SIM.model_copy(update={"calibration": CalibrationFiles(geometry=str(file))}), Lambert([0.3]), 0)
+    assert rig.calibration_ids == {"geometry": file.stem} and error_of(rig.envelope.kinematics) < 0.05

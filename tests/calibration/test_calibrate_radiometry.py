@@ -4,11 +4,14 @@ import datetime as dt
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from calibration.radiometry import calibrate_radiometry, measure_reference, take_readings
+from gonio.cli import app
 from gonio.config import load_config
 from gonio.config.rig import CalibrationFiles, RigConfig
 from gonio.geometry import from_angles
+from gonio.rig.build import nominal_radiometry
 from gonio.rig.calibration import RadiometryCalibration, load_calibration, save_calibration
 from gonio.rig.errors import CalibrationMissing
 from gonio.rigs import open_rig
@@ -81,3 +84,23 @@ def test_useless_readings_are_refused():
         calibrate_radiometry(dark, dark, White.f, 0.01, "sim")
     with pytest.raises(CalibrationMissing, match="four dark"):
         calibrate_radiometry(dark[:2], dark, White.f, 1.0, "sim")
+
+
+@pytest.mark.parametrize("depth", ["sim", "wire", "camera"])
+def test_by_the_command_line(tmp_path, monkeypatch, depth):
+    """At every depth, with either detector: the file that it writes makes the rig read what the certificate says."""
+    monkeypatch.chdir(tmp_path)
+    certificate = [arg for f in White.f for arg in ("--f", str(f))]
+    done = CliRunner().invoke(app, ["calibrate", "radiometry", *certificate, "--rig", depth], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    file = next((tmp_path / "calibrations").glob("radiometry-*.yaml"))
+    assert f"calibrations/{file.name}: name it in the rig's YAML as calibration.radiometry" in done.output
+    found = load_calibration(file, RadiometryCalibration)
+    config = load_config(ROOT / f"configs/rigs/{depth}.yaml", RigConfig)
+    np.testing.assert_allclose(found.gain, nominal_radiometry(config, 3).gain, rtol=5e-3)
+    config = config.model_copy(update={"calibration": CalibrationFiles(radiometry=str(file))})
+    rig = open_rig(config, White(), 12)
+    wi, wo = from_angles(np.full(20, 0.3), 0.0), from_angles(np.full(20, 0.9), np.linspace(1, 3, 20))
+    f = np.concatenate([v.f for v in rig.visit(wi, wo, np.arange(20))])
+    rig.close()
+    np.testing.assert_allclose(f.mean(0), White.f, rtol=5e-3)
