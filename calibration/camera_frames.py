@@ -28,10 +28,10 @@ def measure_frames(rig: StagedRig, *, flat: bool) -> Frames:
     if rig.config.calibration.frames is None or not flat:
         camera.learn_dark()
     if flat:
-        even = getattr(camera.source, "even", nullcontext)
+        even = getattr(camera.source, "even", nullcontext)  # before a real one, the operator holds it
         try:
             rig.light.on()
-            with even():
+            with even(camera.middle_exposure):
                 camera.learn_flat()
         finally:
             rig.light.off()

@@ -6,7 +6,7 @@ the run. Real white standards are not Lambertian: f belongs to the geometry, not
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -27,6 +27,7 @@ def calibrate_radiometry(
     cosine: float,
     rig: str,
     simulated: bool = False,
+    detector: Literal["photodiode", "camera"] = "photodiode",
 ) -> RadiometryCalibration:
     """Gain (C,) and linearity from readings of the reference, f (C,), at any exposures.
 
@@ -67,7 +68,7 @@ def calibrate_radiometry(
         "linearity": float(fit.x[0]) if varied else 0.0,
         "linearity_sigma": float(spread[0]) if varied else 0.0,
     }
-    return RadiometryCalibration(**stamp("radiometry", found, rig, simulated), **found)
+    return RadiometryCalibration(**stamp("radiometry", found, rig, simulated), detector=detector, **found)
 
 
 def take_readings(detector: Detector, light: Light, exposure: float) -> tuple[list[Reading], list[Reading]]:
@@ -96,6 +97,5 @@ def measure_reference(
     wi_0, wo_0 = rig.drive(wi, wo)  # as achieved
     rig.announce(-(1 << 41))
     dark, white = take_readings(rig.detector, rig.light, rig.config.exposure_s)
-    return calibrate_radiometry(
-        dark, white, reference_f, rig.radiometry.cosine(wi_0, wo_0), rig.config.name, rig.simulated
-    )
+    cosine = rig.radiometry.cosine(wi_0, wo_0)
+    return calibrate_radiometry(dark, white, reference_f, cosine, rig.config.name, rig.simulated, rig.config.detector)

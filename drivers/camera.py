@@ -127,6 +127,10 @@ class Camera:
         flat = None if self.frames is None else self.frames.flat
         self.frames = Frames(self.config.exposure_s, np.stack(darks), AVERAGED, bad, flat)
 
+    @property
+    def middle_exposure(self) -> float:
+        return self.config.exposure_s[len(self.config.exposure_s) // 2]
+
     def learn_flat(self) -> None:
         """With something evenly bright before it, after `learn_dark`: the vignetting, 1 in the middle.
 

@@ -56,11 +56,12 @@ def assemble(
     announce: Callable[[int], None] = lambda number: None,
     make: Callable[..., StagedRig] = StagedRig,
     frames: FrameSource | None = None,
-    even: Callable[[], AbstractContextManager[None]] | None = None,
+    even: Callable[[float], AbstractContextManager[None]] | None = None,
 ) -> StagedRig:
     """Connect to every device, confirm that it is what it should be, and put them together; all let go on failure.
 
-    frames: the camera's sensor, where it is not the one that `devices` names; even() puts a diffuser before it.
+    frames: the camera's sensor, where it is not the one that `devices` names; even(t) puts a
+    diffuser before it that is half full at an exposure of t seconds.
     """
     geometry = geometry_calibration(config)
     envelope = envelope_of(config, geometry)
@@ -123,7 +124,7 @@ def camera_detector(
     pose: Callable[[], Array],
     *,
     calibrated: bool = True,
-    even: Callable[[], AbstractContextManager[None]] | None = None,
+    even: Callable[[float], AbstractContextManager[None]] | None = None,
 ) -> CameraDetector:
     """A sensor made the rig's detector: set, its dark frames known, its region following pose() (A,).
 
@@ -143,7 +144,7 @@ def camera_detector(
     else:
         camera.learn_dark()
         if even is not None:
-            with even():
+            with even(camera.middle_exposure):
                 camera.learn_flat()
     view = view_of(config, geometry_calibration(config), camera_calibration(config, to_measure=calibrated))
     diameter = config.camera.region_mm / 1000

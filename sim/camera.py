@@ -63,10 +63,10 @@ class SimFrames:
         return "simulated camera", [f"{self.sensor.bits} bits linear"]
 
     @contextmanager
-    def even(self) -> Iterator[None]:
-        """Somebody holds a diffuser before the lens that lights all pixels alike, half full at 10 ms."""
+    def even(self, seconds: float) -> Iterator[None]:
+        """Somebody holds a diffuser before the lens that lights all pixels alike, half full at that exposure."""
         scene, self.scene = self.scene, lambda: np.full(self.planes, rate)
-        rate = 0.5 * self.full_scale * self.sensor.electrons_per_count / 0.01
+        rate = 0.5 * self.full_scale * self.sensor.electrons_per_count / seconds
         try:
             yield
         finally:

@@ -164,6 +164,8 @@ def radiometry_of(config: RigConfig, channels: int) -> Radiometry:
             raise CalibrationMissing(f"rig {config.name}: no calibration.radiometry; run `gonio calibrate radiometry`")
         return nominal_radiometry(config, channels)
     found = load_calibration(Path(c.radiometry), RadiometryCalibration, c.max_age_days)
+    if found.detector != config.detector:
+        raise CalibrationMissing(f"{c.radiometry}: made with a {found.detector}, the rig has a {config.detector}")
     if len(found.gain) != channels:
         raise CalibrationMissing(f"{c.radiometry}: made for {len(found.gain)} channels, the run has {channels}")
     return Radiometry(np.array(found.gain), np.array(found.gain_sigma), config.footprint, found.linearity, found.id)

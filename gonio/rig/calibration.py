@@ -36,6 +36,7 @@ class RadiometryCalibration(Dated):
     """gain per channel = signal per second of f = 1 at full projection; linearity = relative excess at full scale."""
 
     kind: Literal["radiometry"] = "radiometry"
+    detector: Literal["photodiode", "camera"] = "photodiode"
     gain: tuple[float, ...]
     gain_sigma: tuple[float, ...]
     dark: tuple[float, ...] = ()

@@ -65,6 +65,9 @@ def test_missing_stale_and_foreign_files(tmp_path):
     two = save_calibration(found.model_copy(update={"gain": (1.0, 1.0), "id": "two"}), tmp_path)
     with pytest.raises(CalibrationMissing, match="2 channels, the run has 3"):
         open_rig(config(two), White(), 0)
+    camera = config(save_calibration(found, tmp_path)).model_copy(update={"detector": "camera"})
+    with pytest.raises(CalibrationMissing, match="made with a photodiode, the rig has a camera"):
+        open_rig(camera, White(), 0)
     old.write_text("id: x\n")
     with pytest.raises(CalibrationMissing, match="missing"):
         load_calibration(old, RadiometryCalibration)

@@ -186,7 +186,7 @@ def test_flat_and_bad_pixels():
     camera, source = dark_learnt(scene, vignetting=0.4, hot_pixels=7)
     found = set(np.flatnonzero(camera.frames.bad.ravel()))
     assert set(source.hot) <= found and len(found) < 20
-    with source.even():
+    with source.even(0.008):
         camera.learn_flat()
     scene.radiance = np.array([4e4, 2e4, 1e4])
     p = camera.picture(range(3))
