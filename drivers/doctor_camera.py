@@ -8,12 +8,13 @@ import numpy as np
 
 from drivers.camera import Camera, FrameSource
 from drivers.hdr import NEAR_SATURATION
-from drivers.light import SerialLight
 from gonio.config.rig import CameraDeviceConfig, RigConfig
 from gonio.geometry import Array
+from gonio.rig.devices import Light
 from gonio.rig.errors import DeviceFault
 
 STRAY = 0.1  # of full scale: a darkness brighter than that is none
+COARSE = 0.3  # counts of noise below which what is dim is rounded away (half a step's worth is 0.5)
 BENT = 0.05  # relative difference of the rates of two exposures that a linear sensor does not show
 
 
@@ -29,7 +30,7 @@ def missing(device: CameraDeviceConfig | None) -> str | None:
     return None
 
 
-def examine(config: RigConfig, source: FrameSource, light: SerialLight | None) -> Iterator[str]:
+def examine(config: RigConfig, source: FrameSource, light: Light | None) -> Iterator[str]:
     """Findings, in the order of the tests. Raises DeviceFault. Without a light of its own: in the dark only."""
     camera, ladder = Camera(source, config.camera), config.camera.exposure_s
     try:
@@ -47,6 +48,10 @@ def examine(config: RigConfig, source: FrameSource, light: SerialLight | None) -
     if max(config.camera.channels) >= planes:
         yield f"FAIL camera: frames have {planes} planes; camera.channels names plane {max(config.camera.channels)}"
         return
+    grain = float(np.std(camera.more(ladder[-1]).astype(float) - darks[-1]) / np.sqrt(2))
+    if grain < COARSE:
+        what = f"noise of {grain:.2f} counts hides no step of its converter"
+        yield f"warn camera: {what}; raise camera.gain, or take more bits"
     level = darks[-1].mean((0, 1))
     shown = ", ".join(f"{v:.3g}" for v in level)
     yield f"ok   camera: exposures {ladder[0]:g} to {ladder[-1]:g} s read back, dark level {shown} counts at last"
@@ -56,7 +61,7 @@ def examine(config: RigConfig, source: FrameSource, light: SerialLight | None) -
         yield from _lit(camera, darks, light)
 
 
-def _lit(camera: Camera, darks: list[Array], light: SerialLight) -> Iterator[str]:
+def _lit(camera: Camera, darks: list[Array], light: Light) -> Iterator[str]:
     """The middle of the picture with the light on, exposure by exposure."""
     ladder, planes = camera.config.exposure_s, list(camera.config.channels)
     height, width, _ = darks[0].shape
@@ -86,7 +91,7 @@ def _lit(camera: Camera, darks: list[Array], light: SerialLight) -> Iterator[str
         yield f"ok   camera: linear to {worst:.1%} over {len(pairs)} pairs of exposures"
 
 
-def look(config: RigConfig, source: FrameSource, light: SerialLight | None) -> Iterator[str]:
+def look(config: RigConfig, source: FrameSource, light: Light | None) -> Iterator[str]:
     """`examine`, with what goes wrong said as a finding, and the sensor let go."""
     try:
         yield from examine(config, source, light)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from gonio.config.loader import ConfigError
 from gonio.config.material import Material
 from gonio.config.rig import RigConfig
 from gonio.geometry import Array
@@ -13,7 +14,13 @@ TOUR = 512
 
 
 def plan_text(material: Material, rig: RigConfig) -> str:
-    """The resolved plan: sample, chain, reachable share of the domain, estimated rig time. Touches no hardware."""
+    """The resolved plan: sample, chain, reachable share of the domain, estimated rig time. Touches no hardware.
+
+    Raises ConfigError where material and rig do not fit.
+    """
+    if rig.channels not in (None, len(material.channels)):
+        given = f"{material.name} has {len(material.channels)}, the camera of rig {rig.name} {rig.channels}"
+        raise ConfigError(f"channels: {given}; name its planes in camera.channels")
     c, target = material.sampler, material.sampler.target
     isotropic = material.symmetry == "isotropic"
     envelope = envelope_of(rig)
@@ -29,12 +36,13 @@ def plan_text(material: Material, rig: RigConfig) -> str:
         ("chain", f"{c.chains} x {c.proposal}, seed {material.seed}"),
         ("target", f"channels {target.channels}, power {target.power:g}, floor {target.floor:.0%} of the draws"),
         ("rig", f"{rig.name} ({rig.depth}), {rig.kinematics.kind}, stay-out {rig.stay_out_deg:g} deg"),
+        ("detector", _detector(rig)),
         ("reachable", f"{reachable.mean():.1%} of all pairs of directions, each weighted by its cosine"),
     ]
     if len(chosen):
         each = _seconds(envelope, rig, material, wi[chosen], wo[chosen])
-        motion = each - rig.settle_s - rig.exposure_s
-        parts = f"motion {motion:.2f}, settle {rig.settle_s:g}, exposure {rig.exposure_s:g}"
+        motion = each - rig.settle_s - rig.reading_s
+        parts = f"motion {motion:.2f}, settle {rig.settle_s:g}, reading {rig.reading_s:.2g}"
         lines.append(("a measurement", f"{each:.2f} s: {parts}"))
         if (n := material.budget.measurements) is not None:
             lines.append(
@@ -46,6 +54,20 @@ def plan_text(material: Material, rig: RigConfig) -> str:
         lines.append(("ends when", f"the estimated energy error is below {material.stop.energy_error:g}"))
     lines.append(("then", f"reconstruct with {material.reconstruct.model}"))
     return "\n".join(f"{k:14} {v}" for k, v in lines)
+
+
+def _detector(rig: RigConfig) -> str:
+    """What reads, and how."""
+    c, p = rig.camera, rig.photodiode
+    if rig.depth == "ideal":
+        return "none: f as it is"
+    if rig.detector == "camera":
+        ladder = f"{len(c.exposure_s)} exposures from {c.exposure_s[0]:g} to {c.exposure_s[-1]:g} s"
+        files = rig.calibration.camera or "as drawn", rig.calibration.frames or "learnt at the start"
+        looks = f"camera, {len(c.channels)} channels, {ladder}, a disk of {c.region_mm:g} mm"
+        return f"{looks}; optics {files[0]}, frames {files[1]}"
+    average = f", averaged to {p.target_sigma:.2g}, {p.max_readings} readings at most" if p.target_sigma else ""
+    return f"photodiode, {p.ranges} ranges of {p.bits} bits, {rig.exposure_s:g} s{average}"
 
 
 def _seconds(envelope, rig: RigConfig, material: Material, wi: Array, wo: Array) -> float:
@@ -60,7 +82,7 @@ def _seconds(envelope, rig: RigConfig, material: Material, wi: Array, wo: Array)
         for tour in planner.tours(wi[part], wo[part], pose):
             total += float(tour.seconds.sum())
             pose = tour.poses[-1]
-    return total / len(wi) + rig.settle_s + rig.exposure_s
+    return total / len(wi) + rig.settle_s + rig.reading_s
 
 
 def _random_pairs(rng, n: int) -> tuple[Array, Array]:

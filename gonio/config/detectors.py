@@ -88,5 +88,5 @@ class CameraConfig(Section):
 
     @property
     def reading_s(self) -> float:
-        """About how long one reading takes: one exposure of the middle of the ladder, once its frames have settled."""
-        return (self.discard_frames + 1) * max(self.frame_s, self.exposure_s[len(self.exposure_s) // 2])
+        """About how long one reading takes: two exposures of its ladder, as channels of unlike brightness need."""
+        return 2 * (self.discard_frames + 1) * sum(max(self.frame_s, t) for t in self.exposure_s) / len(self.exposure_s)

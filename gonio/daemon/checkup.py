@@ -29,6 +29,10 @@ def checkup(config: RigConfig) -> list[str]:
         lines.append(_line(not dark.saturated, "dark", f"signal {dark.value.max():.3g}"))
         clear = bool((lit.value > dark.value + 10 * dark.sigma).all())
         lines.append(_line(clear, "light", f"signal {lit.value.max():.3g} from a white diffuser at 45/0 degrees"))
+        if config.detector == "camera":
+            from drivers.doctor_camera import examine
+
+            lines += examine(config, rig.detector.camera.source, rig.light)
         rig.park()
         lines.append("ok   parked light off")
     return lines

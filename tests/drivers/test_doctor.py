@@ -124,6 +124,10 @@ def gamma(eye):
     eye.frame = lambda s: (4095 * (plain(s) / 4095.0) ** 0.45).astype(np.uint16)
 
 
+def coarse(there, eye):
+    eye.sensor = eye.sensor.model_copy(update={"electrons_per_count": 100.0})
+
+
 @pytest.mark.parametrize(
     ("ail", "said"),
     [
@@ -132,6 +136,7 @@ def gamma(eye):
         (lambda t, e: e.stubborn.add("exposure"), "FAIL camera: exposure set to 1 reads 156"),
         (lambda t, e: setattr(e, "scene", lambda: np.full(3, 3e3)), "warn camera: the dark is 14% of full scale"),
         (lambda t, e: setattr(e, "scene", lambda: np.zeros(3)), "FAIL light: switching it on changes nothing"),
+        (coarse, "counts hides no step of its converter"),
         (lambda t, e: gamma(e), "is its gamma fixed at linear?"),
         (lambda t, e: t.light.open_door(), "FAIL light: interlock open"),
     ],
