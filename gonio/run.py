@@ -1,12 +1,13 @@
 """From configs to a finished run folder: open what they name, acquire, make the BRDF and the report."""
 
+import contextlib
 import json
 import os
 import platform
 import secrets
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,13 +57,14 @@ class Run:
         store = self.store
         lent = rig is not None
         if not lent:
-            rig = open_rig(
-                self.config.rig,
-                self.truth,
-                material.seed,
-                plan=material.plan,
-                isotropic=material.symmetry == "isotropic",
-            )
+            with self.nothing_left_behind():
+                rig = open_rig(
+                    self.config.rig,
+                    self.truth,
+                    material.seed,
+                    plan=material.plan,
+                    isotropic=material.symmetry == "isotropic",
+                )
         good_enough = GoodEnough(material, store)
         try:
             if state := store.kept():
@@ -78,12 +80,13 @@ class Run:
         except Interrupted:
             store.event("interrupted", "by the operator")
             raise
-        except KeyboardInterrupt:
-            rig.stop()  # the motors first; then what is left to say
-            store.event("stopped", "at once, by the operator")
-            raise
         except RigError as e:
             store.event("fault", str(e))
+            raise
+        except BaseException as e:  # told to stop at once, a full disk, a bug: the motors first
+            rig.stop()
+            if isinstance(e, KeyboardInterrupt):
+                store.event("stopped", "at once, by the operator")
             raise
         finally:
             rig.surrogate = None
@@ -92,6 +95,15 @@ class Run:
             finally:
                 if not lent:
                     rig.close()
+
+    @contextlib.contextmanager
+    def nothing_left_behind(self) -> Iterator[None]:
+        """Around the opening of the rig: a new run that cannot have one leaves no folder."""
+        try:
+            yield
+        except BaseException:
+            self.store.discard()
+            raise
 
     def close(self) -> None:
         self.store.close()

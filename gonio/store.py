@@ -82,6 +82,8 @@ class Store:
         self._last_commit = self._began
         self._wall_before = 0.0
         self._kept: dict[str, Any] = {}  # parts of the rig's state, as written last
+        self._made: list[Path] | None = None  # folders above it that `create` made; None where it was there before
+        self._closed = False
 
     @classmethod
     def create(
@@ -95,6 +97,7 @@ class Store:
     ) -> "Store":
         """A new run. Raises StoreError where the folder exists or cannot be made."""
         folder = Path(folder)
+        made = [p for p in folder.parents if not p.exists()]
         try:
             folder.parent.mkdir(parents=True, exist_ok=True)
             folder.mkdir()
@@ -114,9 +117,11 @@ class Store:
                 db.executemany("INSERT INTO meta VALUES (?, ?)", [(k, json.dumps(v)) for k, v in meta.items()])
                 db.commit()
         except StoreError:
-            _remove(folder)  # nothing half-written
+            _remove(folder, made)  # nothing half-written
             raise
-        return cls(folder, db, lock, commit_interval)
+        store = cls(folder, db, lock, commit_interval)
+        store._made = made
+        return store
 
     @classmethod
     def open(
@@ -157,7 +162,7 @@ class Store:
             (int(i), a.tobytes(), s.tobytes(), v.tobytes(), e.tobytes(), int(sat), text, float(t), wall)
             for i, a, s, v, e, sat, text, t in zip(ids, asked, seen, f, sigma, saturated, texts, rig_s)
         ]
-        with _explained(self.folder):
+        with self._writing():
             self._db.executemany("INSERT INTO measurements VALUES (?,?,?,?,?,?,?,?,?)", rows)
         self._maybe_commit()
 
@@ -167,32 +172,44 @@ class Store:
             columns = [getattr(steps, k).tolist() for k in STEP_COLUMNS]
             both = np.concatenate([steps.wi, steps.wo], 1)
             proposed = [d.tobytes() if free else None for d, free in zip(both, steps.id < 0)]
-            with _explained(self.folder):
+            with self._writing():
                 self._db.executemany("INSERT OR REPLACE INTO steps VALUES (?,?,?,?,?,?,?,?,?)", zip(*columns, proposed))
 
     def event(self, kind: str, text: str) -> None:
         """A line for the record: started, resumed, fault, stopped …; also in log.txt."""
-        with _explained(self.folder):
+        with self._writing():
             self._db.execute("INSERT INTO events VALUES (?,?,?)", (self.wall_s(), kind, text))
             with open(self.folder / "log.txt", "a") as log:
                 log.write(f"{time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())} {kind}: {text}\n")
 
     def put(self, key: str, value: Any) -> None:
-        with _explained(self.folder):
+        with self._writing():
             self._db.execute("INSERT OR REPLACE INTO meta VALUES (?,?)", (key, json.dumps(value)))
 
     def keep(self, state: Mapping[str, Any]) -> None:
         """The rig's state, in parts; a part that is what it was is not written again."""
         changed = {k: v for k, v in state.items() if k not in self._kept or self._kept[k] != v}
-        with _explained(self.folder):
+        with self._writing():
             rows = [(RIG + k, json.dumps(v)) for k, v in changed.items()]
             self._db.executemany("INSERT OR REPLACE INTO meta VALUES (?,?)", rows)
         self._kept |= changed
 
     def commit(self) -> None:
-        with _explained(self.folder):
+        with self._writing():
             self._db.commit()
         self._last_commit = time.monotonic()
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        """A measurement and the rig's state go together: where one cannot be written, neither is."""
+        with _explained(self.folder):
+            try:
+                yield
+            except sqlite3.Error:
+                self._kept = {}
+                with contextlib.suppress(sqlite3.Error):
+                    self._db.rollback()
+                raise
 
     def _maybe_commit(self) -> None:
         if time.monotonic() - self._last_commit >= self._interval:
@@ -251,6 +268,9 @@ class Store:
         return self._wall_before + time.monotonic() - self._began
 
     def close(self) -> None:
+        if self._closed:
+            return
+        self._closed = True
         try:
             self.commit()
         finally:
@@ -258,6 +278,13 @@ class Store:
             if self._lock is not None:
                 os.close(self._lock)
                 self._lock = None
+
+    def discard(self) -> None:
+        """Of a run just created: no folder of it is left. One that was there before is closed and stays."""
+        self.close()
+        if self._made is not None:
+            with _explained(self.folder):
+                _remove(self.folder, self._made)
 
     def __enter__(self) -> "Store":
         return self
@@ -307,7 +334,11 @@ def _explained(folder: Path) -> Iterator[None]:
         raise StoreError(f"{folder}: {e.strerror}; check space and permissions") from None
 
 
-def _remove(folder: Path) -> None:
+def _remove(folder: Path, made: Sequence[Path]) -> None:
+    """The folder, and those above it that were made for it and are empty again."""
     for path in folder.iterdir():
         path.unlink()
     folder.rmdir()
+    with contextlib.suppress(OSError):
+        for parent in made:
+            parent.rmdir()

@@ -1,7 +1,10 @@
 """Run folders: whole or not there, one writer, readable only as what they are."""
 
 import json
+import os
 import sqlite3
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -108,3 +111,37 @@ def test_a_full_disk_is_said_and_loses_nothing(tmp_path):
     store._db.close()
     with Store.open(tmp_path / "run", write=False) as again:
         assert len(again.measured().id) == 5
+
+
+def test_what_could_not_be_stored_is_not_half_stored(tmp_path):
+    """The rig's state is that of the last measurement in the file, never one ahead of it."""
+    store, _, _ = filled(tmp_path / "run")
+    store.keep({"done": 5, "tour": "a"})
+    store.commit()
+    store.keep({"done": 6, "tour": "a"})
+    d, f = np.ones((1, 6)), np.ones((1, 3))
+    with pytest.raises(StoreError):
+        store.add(np.array([4]), d, d, f, f, np.zeros(1, bool), (), np.ones(1))  # id 4 is there already
+    store.close()
+    with Store.open(tmp_path / "run", write=True) as again:
+        assert again.kept() == {"pose": [1, 2], "done": 5, "tour": "a"}
+        again.keep({"done": 6, "tour": "a"})
+        assert again.kept()["done"] == 6
+
+
+def test_a_run_that_never_began_leaves_nothing(tmp_path):
+    (tmp_path / "mine").mkdir()
+    for folder in (tmp_path / "a" / "b" / "run", tmp_path / "mine" / "run"):
+        Store.create(folder, "", {}).discard()
+    assert [p.name for p in tmp_path.iterdir()] == ["mine"]
+    Store.create(tmp_path / "run", "", {}).close()
+    Store.open(tmp_path / "run", write=True).discard()
+    assert (tmp_path / "run" / "run.sqlite").exists(), "it was there before"
+
+
+def test_a_rig_that_is_not_there_leaves_no_run_behind(tmp_path):
+    env = {**os.environ, "XDG_RUNTIME_DIR": str(tmp_path)}
+    command = [sys.executable, "-m", "gonio.cli", "acquire", "chm_orange", "--rig", "bench", "--set", "truth=null"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=env, timeout=300)
+    assert done.returncode == 3 and "is gone" in done.stderr and "no run folder is left" in done.stderr
+    assert "Traceback" not in done.stderr and [p.name for p in tmp_path.iterdir()] == ["gonio"]

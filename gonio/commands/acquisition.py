@@ -104,7 +104,10 @@ def _drive(run, post: bool) -> None:
         with Interrupt() as interrupt, ProgressLine() as line:
             reason = run(watch=line.update, interrupted=interrupt)
     except BaseException as e:
-        if getattr(e, "exit_code", None) in (3, 4, 130) or isinstance(e, KeyboardInterrupt):
+        interrupted = getattr(e, "exit_code", None) in (3, 4, 130) or isinstance(e, KeyboardInterrupt)
+        if not run.store.folder.exists():
+            typer.echo("nothing was measured, and no run folder is left", err=True)
+        elif interrupted:
             typer.echo(f"all that was measured is stored; `gonio resume {run.store.folder}` goes on", err=True)
         raise
     finally:

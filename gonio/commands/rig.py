@@ -102,7 +102,7 @@ def _by_hand(rig: str, kind: str, params: dict[str, Any]) -> dict[str, Any]:
         job = client.post(f"/jobs/{kind}", params or None)["job"]
         with Interrupt() as interrupt:
             return client.wait(job, interrupted=interrupt)["result"]
-    with hold_hardware(config), Held(config) as held:
+    with Interrupt.at_once(), hold_hardware(config), Held(config) as held:
         if kind == "jog":
             return by_hand.jog(held, params["axis"], params["degrees"])
         if kind == "measure":

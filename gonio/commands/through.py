@@ -61,7 +61,7 @@ def _watch(client, job: int) -> Path:
         with Interrupt() as interrupt, ProgressLine() as line:
             done = client.wait(job, lambda state: _show(line, state), interrupt)
     except Exception as e:
-        if getattr(e, "exit_code", None) in (3, 4, 130):
+        if getattr(e, "exit_code", None) in (3, 4, 130) and folder.exists():
             typer.echo(f"all that was measured is stored; `gonio resume {folder}` goes on", err=True)
         raise
     typer.echo(f"ended {done['result']['reason']}")

@@ -76,5 +76,9 @@ class Held:
     def __enter__(self) -> "Held":
         return self
 
-    def __exit__(self, *exc) -> None:
-        self.close()
+    def __exit__(self, kind, *exc) -> None:
+        try:
+            if kind is not None:  # whatever it was: the motors first
+                self.stop()
+        finally:
+            self.close()

@@ -54,7 +54,8 @@ def _drive(control: Control, run: Run) -> tuple[Work, dict[str, Any]]:
         estimator = Estimator(folder, board)
         done = False
         try:
-            rig = held.for_run(material, run.truth)
+            with run.nothing_left_behind():
+                rig = held.for_run(material, run.truth)
             lent: Any = LentRig(rig, board, lambda: control.stopped)
             reason = run(watch=watch, interrupted=lambda: control.stopped, rig=lent)
             done = True

@@ -31,6 +31,8 @@ from gonio.rig.pending import Pending
 from gonio.rig.plan import Planner
 from gonio.rig.radiometry import Dark, Radiometry
 
+BRAKING_S = 0.05  # after which arms that were told to stop in full motion are at rest
+
 
 class StagedRig:
     """Implements `gonio.rig.devices.Rig`.
@@ -269,9 +271,12 @@ class StagedRig:
         self.stage.stop()
 
     def close(self) -> None:
+        halted = self._stop.is_set()
         self._stop.set()
         with ExitStack() as last_first:  # each of them, whatever becomes of the others
             last_first.callback(self._release)
+            if halted or self._ahead:
+                last_first.callback(self.clock.sleep, BRAKING_S)
             last_first.callback(self.light.off)
             if self._ahead:  # a motion begun ahead of its turn has nobody who waits for its end
                 last_first.callback(self._ahead.shutdown)

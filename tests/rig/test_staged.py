@@ -186,3 +186,39 @@ def test_negative_f_is_kept():
     )
     f = np.concatenate([v.f for v in rig.visit(WI, WO, IDS)])
     assert np.all(f < 0)
+
+
+def test_closed_while_the_next_motion_is_under_way_it_is_stopped():
+    """With overlap the stage is ahead of the loop: whoever closes the rig must not wait for the arms to arrive."""
+    rig, log = make(PlanConfig(overlap=True))
+    under_way, move = threading.Event(), rig.stage.move
+
+    def slow(pose, deadline):
+        if log.count("move") >= 1:
+            under_way.set()
+            assert rig.stage.halted.wait(30)
+        return move(pose, deadline)
+
+    rig.stage.move = slow
+    visit = rig.visit(WI, WO, IDS)
+    next(visit)
+    assert under_way.wait(30)
+    rig.close()
+    assert rig.stage.halted.is_set() and log[-1] == "off" and list(visit) == []
+
+
+def test_a_fault_stops_the_motion_that_was_ahead_of_it():
+    rig, log = make(PlanConfig(overlap=True, reference_every=2))
+    looks = []
+
+    def look(number):
+        looks.append(number)
+        if len(looks) == 2:
+            raise DeviceFault("detector", "no reply", "check its cable")
+
+    rig.levels.look_at_reference = look
+    with pytest.raises(DeviceFault):
+        for _ in rig.visit(WI, WO, IDS):
+            if rig.levels._since == 1:
+                rig.levels._since = 2
+    assert rig.stage.halted.is_set() and log[-1] == "off"
