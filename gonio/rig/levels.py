@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from gonio.config.plan import PlanConfig
-from gonio.geometry import Array
 from gonio.rig.devices import Detector, Light
+from gonio.rig.errors import DeviceFault
 from gonio.rig.radiometry import Dark, Radiometry
 
 READINGS = 16  # that make one level
@@ -32,9 +32,9 @@ class Levels:
     ):
         self.detector, self.light, self.radiometry = detector, light, radiometry
         self.exposure, self.plan, self.announce = exposure, plan, announce
-        self.drift = 1.0
+        self.drift, self.drift_sigma = 1.0, 0.0
         self._darks: dict[int, Dark] = {}
-        self._reference: Array | None = None
+        self._reference: tuple[float, float] | None = None  # signal of all channels, and its relative sigma
         self._since = 0
 
     def dark(self, number: int) -> Dark:
@@ -59,10 +59,20 @@ class Levels:
         dark = self.dark(number)
         self.announce(-(1 << 40) - number)
         readings = [self.detector.read(self.exposure) for _ in range(READINGS)]
-        signal = np.mean([self.radiometry.signal(r)[0] for r in readings], 0) - dark.value
+        values, sigmas = zip(*(self.radiometry.signal(r) for r in readings))
+        signal = float(np.sum(np.mean(values, 0) - dark.value))
+        noise = float(np.sqrt(np.sum(np.square(sigmas)) / READINGS**2 + np.sum(dark.sigma**2)))
+        if not signal > 5 * noise:
+            raise DeviceFault(
+                "detector", "the reference point is as good as dark", "choose another park_deg, or check the light"
+            )
         if self._reference is None:
-            self._reference = signal
-        self.drift = float(signal.sum() / self._reference.sum())
+            self._reference = signal, noise / signal
+            self.drift, self.drift_sigma = 1.0, 0.0
+        else:
+            first, uncertain = self._reference
+            self.drift = signal / first
+            self.drift_sigma = self.drift * float(np.hypot(noise / signal, uncertain))
         self._since = 0
 
     def count(self) -> None:
@@ -71,10 +81,12 @@ class Levels:
 
     def state(self) -> dict[str, Any]:
         darks = {str(k): [d.value.tolist(), d.sigma.tolist(), d.exposure] for k, d in self._darks.items()}
-        reference = None if self._reference is None else self._reference.tolist()
-        return {"darks": darks, "reference": reference, "drift": self.drift, "since": self._since}
+        drift = {"drift": self.drift, "drift_sigma": self.drift_sigma}
+        return {"darks": darks, "reference_point": self._reference, **drift, "since": self._since}
 
     def restore(self, state: dict[str, Any]) -> None:
         self._darks = {int(k): Dark(np.array(v), np.array(s), e) for k, (v, s, e) in state["darks"].items()}
-        self._reference = None if state["reference"] is None else np.array(state["reference"])
-        self.drift, self._since = state["drift"], state["since"]
+        point = state.get("reference_point")  # of a run that began before there was one, none
+        self._reference = None if point is None else (point[0], point[1])
+        self.drift, self.drift_sigma = state["drift"], state.get("drift_sigma", 0.0)
+        self._since = state["since"]
