@@ -162,7 +162,7 @@ class StagedRig:
     def _measure(self, number: int, pose: Array, at: Array, dark: Dark, begun: float) -> Visited:
         reading = self.detector.read(self.config.exposure_s)
         wi, wo = self.envelope.kinematics.forward(at)
-        f, sigma = self.radiometry.reduce(reading, dark, wi, wo, self.levels.drift)
+        f, sigma = self.radiometry.reduce(reading, dark, wi, wo, self.levels.drift, self.levels.drift_sigma)
         if not self.config.use_achieved and np.any(np.abs(at - pose) > 1.5 * self.envelope.resolution + 1e-9):
             f = np.full_like(f, np.nan)  # a servo stopped short; the counts stay in the record
         raw = {**reading.raw, "dark": dark.value.tolist(), "drift": self.levels.drift, "pose_rad": at.tolist()}

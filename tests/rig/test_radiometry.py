@@ -129,8 +129,9 @@ def test_the_white_reference_counts_at_the_geometry_used():
 
 def test_negatives_stay_in_the_record_and_count_as_nothing_in_the_chain(tmp_path):
     """A sample that is all but black: its readings scatter about 0, and the record's mean is unbiased."""
-    text = "name: soot\nsymmetry: isotropic\nchannels: [L]\ntruth: soot\nbudget: {measurements: 400}\nplan: {dark_every: 20}\n"
-    material = parse_config(text + "sampler: {proposal: independence, target: {channels: 0}}\n", Material)
+    text = "name: soot\nsymmetry: isotropic\nchannels: [L]\ntruth: soot\nbudget: {measurements: 400}\n"
+    plain = "plan: {dark_every: 20}\nsampler: {proposal: independence, target: {channels: 0}}\n"
+    material = parse_config(text + plain, Material)
     store = Store.create(tmp_path / "run", "", {})
     rig = open_rig(SIM, Lambert([1e-7]), 5, plan=material.plan)
     acquire(make_sampler(material, rig.reachable, lambda *a: None), rig, store, material)
