@@ -45,6 +45,8 @@ def socket_path(rig: str) -> Path:
 def hold(config: RigConfig) -> Iterator[None]:
     """This process drives the rig, and the ports it is on. Raises PlaceError where another does."""
     ports = [d.port for d in (config.devices.stage, config.devices.photodiode, config.devices.light) if d]
+    if (camera := config.devices.camera) is not None:
+        ports.append(camera.device)
     names = [f"rig-{config.name}", *(f"port-{re.sub('[^A-Za-z0-9]+', '_', os.path.realpath(p))}" for p in ports)]
     with contextlib.ExitStack() as held:
         for name in dict.fromkeys(names):

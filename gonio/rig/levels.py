@@ -44,8 +44,10 @@ class Levels:
             self.light.level(0)  # not off: it would have to warm up again
             self.announce(-2 - epoch)
             dark = Dark.of([self.detector.read(self.exposure) for _ in range(READINGS)])
-            self._darks = {**dict(list(self._darks.items())[1 - KEPT :]), epoch: dark}
             self.light.level(1)
+            if not np.isfinite(dark.value).all():
+                return dark  # a camera sees nothing from here: the next measurement tries again
+            self._darks = {**dict(list(self._darks.items())[1 - KEPT :]), epoch: dark}
         return self._darks[epoch]
 
     @property

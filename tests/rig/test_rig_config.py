@@ -12,7 +12,7 @@ from tests.conftest import ROOT
 TEXT = (ROOT / "configs/rigs/sim.yaml").read_text()
 
 
-@pytest.mark.parametrize("name", ["ideal", "sim", "wire", "bench"])
+@pytest.mark.parametrize("name", ["ideal", "sim", "wire", "camera", "bench"])
 def test_those_that_ship_load(name):
     config = load_config(ROOT / f"configs/rigs/{name}.yaml", RigConfig)
     assert config.name == name and len(axes_of(config)) == 4 and envelope_of(config)

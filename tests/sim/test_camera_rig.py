@@ -103,6 +103,16 @@ def test_a_resumed_run_is_the_same_to_the_last_bit():
         assert all(np.array_equal(got[k], expected[k]) for k in ("ids", "wi", "wo", "f", "sigma")), cut
 
 
+def test_a_dark_level_that_could_not_be_read_is_taken_again():
+    """The dark is read wherever the arms happen to stand; from almost edge on, a coarse camera sees no patch."""
+    coarse = with_camera(QUICK, focal_px=200.0)
+    rig = open_rig(coarse, Lambert(np.pi * F), 3, plan=PlanConfig(tour=False))
+    rig.drive(from_angles([0.3], [0.0]), from_angles([np.radians(86.0)], [2.0]))
+    wi, wo = from_angles(np.full(3, 0.3), 0.0), from_angles(np.radians([85.0, 20.0, 20.0]), [2.0, 2.0, 2.3])
+    f = gather(rig.visit(wi, wo, np.arange(3)))["f"]
+    assert np.isnan(f[0]).all() and np.isfinite(f[2]).all()
+
+
 def test_too_bright_is_said():
     rig = open_rig(with_camera(exposure_s=(0.0512, 0.4096), sensor={"white_per_s": 1e6}), Lambert(np.pi * F), 3)
     got = gather(rig.visit(*pairs(rig, 5, lowest=0.5), np.arange(5)))
