@@ -23,13 +23,15 @@ SETTINGS = {
     "autofocus": 1.0, "sharpness": 3.0, "gamma": 100.0,
 }  # fmt: skip
 HOT = 4000.0  # electrons per second
+MUTE = 1 << 40  # no exposure: where it is drawn whether a measurement's frames come
 
 
 class SimFrames:
     """Implements `drivers.camera.FrameSource`. Frames are (H, W, P).
 
     scene() is the radiance (P,) of an evenly bright picture, or a picture (H, W, P), in electrons per second and pixel.
-    frame_s of the clock pass from frame to frame, or the exposure if that is longer.
+    frame_s of the clock pass from frame to frame, or the exposure if that is longer. silent: the share of measurements
+    whose frames never come.
     """
 
     def __init__(
@@ -40,8 +42,9 @@ class SimFrames:
         clock: Clock | None = None,
         frame_s: float = 1 / 30,
         seed: int = 0,
+        silent: float = 0.0,
     ):
-        self.scene, self.sensor, self.frame_s, self.seed = scene, sensor, frame_s, seed
+        self.scene, self.sensor, self.frame_s, self.seed, self.silent = scene, sensor, frame_s, seed, silent
         self.shape, self.planes = shape[:2], shape[2]
         self.clock = clock or VirtualClock()
         y, x = np.meshgrid(np.linspace(-1, 1, shape[0]), np.linspace(-1, 1, shape[1]), indexing="ij")
@@ -75,6 +78,7 @@ class SimFrames:
     def announce(self, number: int) -> None:
         """The measurement that the next frames are for."""
         self._number = number
+        self._mute = number >= 0 and generator(self.seed, CAMERA, number, MUTE).random() < self.silent
         self._count: Counter[int] = Counter()
 
     def set(self, name: str, value: float) -> None:
@@ -87,7 +91,7 @@ class SimFrames:
     def frame(self, deadline_s: float) -> NDArray | None:
         if self.dies_after is not None and self.delivered >= self.dies_after:
             self.dead = True
-        if self.dead:
+        if self.dead or self._mute:
             self.clock.sleep(deadline_s)
             return None
         self.delivered += 1

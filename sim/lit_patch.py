@@ -22,7 +22,8 @@ def frames_of(
     c, geometry = config.camera, geometry_calibration(config)
     view = astray(view_of(config, geometry), c.sensor.aim_deg, c.sensor.shift_mm)
     scene = LitPatch(config, sample, envelope_of(config, geometry).kinematics, view, pose, lamp.power)
-    return SimFrames(scene, c.sensor, (c.height, c.width, max(c.channels) + 1), clock, c.frame_s, seed)
+    shape = c.height, c.width, max(c.channels) + 1
+    return SimFrames(scene, c.sensor, shape, clock, c.frame_s, seed, config.faults.silent_detector)
 
 
 class LitPatch:

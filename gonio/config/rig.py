@@ -232,6 +232,8 @@ class RigConfig(Section):
                 raise ValueError("faults: a real rig has its own; leave this section out")
         if self.detector == "camera" and self.depth == "ideal":
             raise ValueError("detector: a rig of depth ideal has none; leave it out, or take depth devices")
+        if self.detector == "camera" and self.faults.spike > 0:
+            raise ValueError("faults.spike: only a photodiode has them; leave it out")
         if self.detector == "camera" and self.camera.region_mm > self.camera.lit_mm:
             raise ValueError("camera.region_mm: the region reaches beyond the lit patch (camera.lit_mm)")
         if self.devices.stage is not None and set(self.devices.stage.ids) != set(names):

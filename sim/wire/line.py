@@ -72,6 +72,7 @@ class Line:
     def __init__(self, path: Path, device: Device):
         self.path, self.device = path, device
         self.wire = Wire()
+        self.busy_until = 0.0  # what comes after a late packet waits behind it: a line keeps its order
         self.fds: tuple[int, int] | None = None
         self.plug()
 
@@ -131,9 +132,11 @@ class Server(threading.Thread):
         at_once = b""
         for reply in line.device.receive(data) if data else ():
             packet, delay = line.wire.carry(reply)
-            delay += line.device.busy_s
+            now = time.monotonic()
+            delay = max(delay + line.device.busy_s, line.busy_until - now)
             if delay > 1e-4:  # less than that is gone already
-                heapq.heappush(self._late, (time.monotonic() + delay, next(self._order), line, packet))
+                line.busy_until = now + delay
+                heapq.heappush(self._late, (line.busy_until, next(self._order), line, packet))
             else:
                 at_once += packet
         self._write(line, at_once)

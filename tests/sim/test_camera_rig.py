@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from gonio.brdf.lambert import Lambert
+from gonio.check import plan_text
 from gonio.config import Material, load_config
 from gonio.config.loader import ConfigError, parse_config
 from gonio.config.plan import PlanConfig
-from gonio.config.rig import RigConfig
+from gonio.config.rig import FaultsConfig, RigConfig
 from gonio.geometry import from_angles
 from gonio.rig.errors import DeviceFault
 from gonio.rigs import open_rig
@@ -113,6 +114,13 @@ def test_a_dark_level_that_could_not_be_read_is_taken_again():
     assert np.isnan(f[0]).all() and np.isfinite(f[2]).all()
 
 
+def test_frames_that_never_come_are_a_fault_with_a_name():
+    rig = open_rig(QUICK.model_copy(update={"faults": FaultsConfig(silent_detector=0.2)}), Lambert(np.pi * F), 3)
+    with pytest.raises(DeviceFault, match="camera: delivers no frames"):
+        gather(rig.visit(*pairs(rig, 40), np.arange(40)))
+    assert not rig.light.lit
+
+
 def test_too_bright_is_said():
     rig = open_rig(with_camera(exposure_s=(0.0512, 0.4096), sensor={"white_per_s": 1e6}), Lambert(np.pi * F), 3)
     got = gather(rig.visit(*pairs(rig, 5, lowest=0.5), np.arange(5)))
@@ -160,10 +168,14 @@ def test_keys_that_do_not_fit_are_named():
         ("channels: [2, 1, 0]", "channels: [2, 2, 0]", "channels: each plane once"),
         ("depth: devices", "depth: ideal", "detector: a rig of depth ideal has none"),
         ("depth: devices", "depth: real", "devices: a real rig needs a stage and the camera"),
+        ("stay_out_deg: 8", "stay_out_deg: 8\nfaults: {spike: 0.1}", "faults.spike: only a photodiode has them"),
         ("discard_frames", "discard_frame", "did you mean discard_frames"),
     ):
         with pytest.raises(ConfigError) as e:
             parse_config(text.replace(old, new, 1), RigConfig)
         assert message in str(e.value)
+    with pytest.raises(ConfigError, match="channels: film has 1, the camera of rig camera 3; name its planes"):
+        plan_text(MATERIAL.model_copy(update={"channels": ("L",)}), CAMERA)
+    assert "detector       camera, 3 channels, 5 exposures from 0.0001 to 0.4096 s" in plan_text(MATERIAL, CAMERA)
     with pytest.raises(ConfigError, match=r"camera\.channels: rig camera names 3 planes, the truth has 1"):
         open_rig(CAMERA, Lambert([0.3]), 0)
