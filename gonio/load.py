@@ -14,6 +14,8 @@ from gonio.brdf.saved import FORMAT_VERSION, write_saved
 KINDS = MODEL_KINDS | {
     "auto": "gonio.reconstruct.auto:AutoBrdf",
     "tabulated": "gonio.reconstruct.tabulate:TabulatedBrdf",
+    "flow": "gonio.reconstruct.flow:FlowBrdf",
+    "auto_flow": "gonio.reconstruct.auto_flow:AutoFlowBrdf",
 }
 """kind of a saved BRDF -> its class; a file names a kind, never a class, so it cannot make us import anything else."""
 

@@ -8,22 +8,19 @@ import gonio
 from gonio.brdf import Brdf
 from gonio.config import Material
 from gonio.geometry import Array
-from gonio.mcmc import make_sampler
+from gonio.mcmc import Sampler, make_sampler
 from gonio.mcmc.steps import Steps
 
 
 @dataclass(frozen=True)
 class Driven:
-    """What a run was: its step log, and wi, wo, f by measurement."""
+    """What a run was: its step log, and wi, wo, f by measurement; of how many measurements the log speaks."""
 
     steps: Steps
     wi: Array
     wo: Array
     f: Array
-
-    @property
-    def measurements(self) -> int:
-        return len(self.f)
+    measurements: int
 
     def chains(self, values: Array, burn_in: float = 0.0) -> Array:
         """values (M, …) by measurement -> (chains, steps, …) by the state each chain is at, after the burn-in share."""
@@ -61,6 +58,13 @@ def drive(
     brdf: Brdf, sampler: dict | str, measurements: int, *, chains: int = 1, seed: int = 1, steps: int | None = None
 ) -> Driven:
     """Run a sampler section against `brdf` until so many measurements (or steps) are made."""
+    return driven_by(brdf, sampler, measurements, chains=chains, seed=seed, steps=steps)[0]
+
+
+def driven_by(
+    brdf: Brdf, sampler: dict | str, measurements: int, *, chains: int = 1, seed: int = 1, steps: int | None = None
+) -> tuple[Driven, Sampler]:
+    """As `drive`, and the sampler as it was left."""
     section = sampler if isinstance(sampler, str) else {**sampler, "chains": chains}
     material = Material.model_validate({"name": "study", "channels": brdf.channels, "seed": seed, "sampler": section})
     if isinstance(sampler, str):
@@ -74,7 +78,8 @@ def drive(
         f.append(brdf.eval(batch.wi, batch.wo))
         made += len(batch.ids)
         chain.tell(batch.ids, f[-1])
-    return Driven(chain.take_steps(), np.concatenate(wi), np.concatenate(wo), np.concatenate(f))
+    values = np.concatenate(f)
+    return Driven(chain.take_steps(), np.concatenate(wi), np.concatenate(wo), values, len(values)), chain
 
 
 def surrogate(wi: Array, wo: Array, f: Array) -> Brdf:

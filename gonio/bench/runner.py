@@ -17,9 +17,12 @@ STUDIES = {
     "throughput": "gonio.bench.throughput",
     "reconstruction": "gonio.bench.reconstruction",
     "thesis": "gonio.bench.thesis_table",
+    "rendered": "gonio.bench.rendered",
     "rig": "gonio.bench.rig_seconds",
     "wire": "gonio.bench.wire",
     "picture": "gonio.bench.picture",
+    "flow": "gonio.bench.flow",
+    "flow_speed": "gonio.bench.flow_speed",
     "pretrain": "gonio.bench.pretrain",
 }
 

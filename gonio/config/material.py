@@ -86,7 +86,7 @@ class Stop(Section):
 
 
 class Reconstruct(Section):
-    model: Literal["auto", "thesis", "ggx", "lobes", "abc"] = "auto"
+    model: Literal["auto", "thesis", "ggx", "lobes", "abc", "flow", "flow_hd", "auto_flow"] = "auto"
 
 
 class Material(Section):

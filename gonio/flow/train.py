@@ -17,6 +17,8 @@ from gonio.geometry import Array
 
 CLIP = 5.0  # of the gradient's norm
 WEIGHT_DECAY = 1e-4
+HUBER = 0.2  # relative error beyond which the loss of `match` grows linearly
+LOOK = 50  # steps between two looks at the points held back
 CODE_PRIOR = 1e-3  # codes are held to a unit normal by this much of its -log density
 
 
@@ -47,43 +49,118 @@ def train(
     material (N,) says whose code each point has; codes (M, code) are where they start and are trained too (without
     them the flow's own code is kept). The rate falls to 0 by a cosine. Raises FlowError.
     """
-    x, weight = _usable(x, weight)
-    torch.set_num_threads(1)
-    p = {k: torch.tensor(v, requires_grad=True) for k, v in flow.weights.items()}
-    groups: list[dict[str, Any]] = [{"params": list(p.values())}]
-    table = None
-    if codes is not None:
-        table = torch.tensor(np.asarray(codes, np.float32), requires_grad=True)
-        groups.append({"params": [table], "weight_decay": 0.0})
-    own = torch.tensor(flow.code, dtype=torch.float32)
-    optimiser = torch.optim.AdamW(groups, lr=rate, weight_decay=WEIGHT_DECAY, fused=True)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
-    parameters = [q for g in groups for q in g["params"]]
-    points = torch.tensor(x)
-    cumulative = np.cumsum(weight / weight.sum())
-    losses, skipped = [], 0
-    for _ in range(steps):
-        i = np.minimum(np.searchsorted(cumulative, rng.random(batch)), len(x) - 1)
-        code = own.expand(batch, -1) if table is None else table[torch.tensor(np.asarray(material)[i])]
-        loss = -log_prob(p, flow.shape, points[torch.tensor(i)], code).mean()
-        if table is not None:
-            loss = loss + CODE_PRIOR * 0.5 * (table * table).sum(1).mean()
-        optimiser.zero_grad()
-        loss.backward()
-        norm = torch.nn.utils.clip_grad_norm_(parameters, CLIP, foreach=True)
-        value = loss.item()
-        if np.isfinite(value) and bool(torch.isfinite(norm)):
-            optimiser.step()
-            losses.append(value)
-        else:
-            skipped += 1
-        schedule.step()
+    stepper = Stepper(flow, x, weight, material=material, codes=codes, steps=steps, batch=batch, rate=rate, rng=rng)
+    losses = [loss for loss in (stepper.step() for _ in range(steps)) if loss is not None]
     if not losses:
         raise FlowError("no training step had a finite loss; the samples are of no use to a flow")
-    weights = {k: q.detach().numpy() for k, q in p.items()}
-    final = np.zeros((0, flow.shape.code)) if table is None else table.detach().numpy().astype(float)
     tenths = np.array([np.mean(part) for part in np.array_split(losses, min(10, len(losses)))])
-    return Trained(Flow(flow.shape, weights, flow.code), final, tenths, skipped)
+    return Trained(stepper.flow(), stepper.codes(), tenths, steps - len(losses))
+
+
+class Stepper:
+    """The state of a training: `step()` is the loss of one batch, None if it was left out; arguments as `train`'s."""
+
+    def __init__(
+        self, flow: Flow, x: Array, weight: Array | None, *, material: Array | None = None,
+        codes: Array | None = None, steps: int, batch: int, rate: float, rng: np.random.Generator,
+    ):  # fmt: skip
+        x, weight = _usable(x, weight)
+        torch.set_num_threads(1)
+        self.start, self.batch, self.rng, self.material = flow, batch, rng, material
+        self.weights = {k: torch.tensor(v, requires_grad=True) for k, v in flow.weights.items()}
+        groups: list[dict[str, Any]] = [{"params": list(self.weights.values())}]
+        self.table = None
+        if codes is not None:
+            self.table = torch.tensor(np.asarray(codes, np.float32), requires_grad=True)
+            groups.append({"params": [self.table], "weight_decay": 0.0})
+        self.own = torch.tensor(flow.code, dtype=torch.float32)
+        self.optimiser = torch.optim.AdamW(groups, lr=rate, weight_decay=WEIGHT_DECAY, fused=True)
+        self.schedule = torch.optim.lr_scheduler.CosineAnnealingLR(self.optimiser, steps)
+        self.parameters = [q for g in groups for q in g["params"]]
+        self.points = torch.tensor(x)
+        self.cumulative = np.cumsum(weight / weight.sum())
+
+    def step(self) -> float | None:
+        i = np.minimum(np.searchsorted(self.cumulative, self.rng.random(self.batch)), len(self.points) - 1)
+        table = self.table
+        code = self.own.expand(self.batch, -1) if table is None else table[torch.tensor(np.asarray(self.material)[i])]
+        loss = -log_prob(self.weights, self.start.shape, self.points[torch.tensor(i)], code).mean()
+        if table is not None:
+            loss = loss + CODE_PRIOR * 0.5 * (table * table).sum(1).mean()
+        self.optimiser.zero_grad()
+        loss.backward()
+        norm = torch.nn.utils.clip_grad_norm_(self.parameters, CLIP, foreach=True)
+        value = loss.item()
+        usable = bool(np.isfinite(value)) and bool(torch.isfinite(norm))
+        if usable:
+            self.optimiser.step()
+        self.schedule.step()
+        return value if usable else None
+
+    def flow(self) -> Flow:
+        """With the weights as they are now."""
+        return Flow(self.start.shape, {k: q.detach().numpy().copy() for k, q in self.weights.items()}, self.start.code)
+
+    def codes(self) -> Array:
+        """(M, code) as they are now."""
+        if self.table is None:
+            return np.zeros((0, self.start.shape.code))
+        return self.table.detach().numpy().astype(float)
+
+
+def match(
+    flow: Flow,
+    x: Array,
+    log_g: Array,
+    held: Array,
+    *,
+    steps: int,
+    batch: int = 512,
+    rate: float = 1e-3,
+    rng: np.random.Generator,
+) -> tuple[Flow, float]:
+    """The flow and log c for which c q(x) is g = exp(log_g), (N,), in mean relative error (thesis 4.11).
+
+    The error is taken as |log(c q / g)|, which is the relative one where it is small: as written (4.11) is at most 1
+    for a flow that is too dark, and such a flow stays so. Beyond a fifth it counts linearly. c is the closed-form
+    optimum of the relative error for fixed weights, sum(q/g) / sum((q/g)^2) as (4.15) is of the absolute one, taken
+    anew at the best state so far only, as the points `held` (N,) bool, not trained on, judge it. Raises FlowError.
+    """
+    x, good = _usable(x, np.isfinite(log_g).astype(float))
+    torch.set_num_threads(1)
+    p = {k: torch.tensor(v, requires_grad=True) for k, v in flow.weights.items()}
+    code = torch.tensor(flow.code, dtype=torch.float32)
+    optimiser = torch.optim.AdamW(list(p.values()), lr=rate, weight_decay=WEIGHT_DECAY, fused=True)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
+    learn, judge = np.flatnonzero(~held & (good > 0)), np.flatnonzero(held & (good > 0))
+    points, goal = torch.tensor(x), torch.tensor(log_g)
+
+    def constant(q: Flow) -> tuple[float, float]:
+        """log c and the loss of the points held back."""
+        apart = q.log_prob(x[learn]) - log_g[learn]
+        r = np.exp(np.clip(apart - np.median(apart), -1.0, 1.0))
+        log_c = float(np.log(r.sum() / (r * r).sum()) - np.median(apart))
+        error = np.abs(q.log_prob(x[judge]) + log_c - log_g[judge])
+        return log_c, float(error.mean())
+
+    log_c, loss = constant(flow)
+    best = (loss, flow, log_c)
+    for step in range(steps):
+        i = torch.tensor(learn[rng.integers(len(learn), size=batch)])
+        log_q = log_prob(p, flow.shape, points[i], code.expand(batch, -1))
+        objective = torch.nn.functional.huber_loss(log_q + log_c, goal[i], delta=HUBER)
+        optimiser.zero_grad()
+        objective.backward()
+        norm = torch.nn.utils.clip_grad_norm_(list(p.values()), CLIP, foreach=True)
+        if bool(torch.isfinite(norm)):
+            optimiser.step()
+        schedule.step()
+        if step % LOOK == LOOK - 1:
+            now = Flow(flow.shape, {k: q.detach().numpy().copy() for k, q in p.items()}, flow.code)
+            new_c, loss = constant(now)
+            if loss < best[0]:
+                best, log_c = (loss, now, new_c), new_c
+    return best[1], best[2]
 
 
 def log_prob(p: dict[str, torch.Tensor], shape: Shape, x: torch.Tensor, code: torch.Tensor) -> torch.Tensor:

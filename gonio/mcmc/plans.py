@@ -1,8 +1,9 @@
 """Plans: which proposals a run cycles through, in blocks of how many steps, and what they learn on the way.
 
 A plan offers `kernels` [(proposal, block)], `learns`, `learn(target, wi, wo, f, log_q)` on all but the chains' present
-points, `screen` (a surrogate's eval for delayed acceptance, or None), `state()` and `restore()`. A cycle of kernels
-each of which leaves the target alone leaves it alone.
+points, `screen` (a surrogate's eval for delayed acceptance, or None), `state()` and `restore()`; one that wants to know
+where chains go besides offers `follow(accepted, wi, wo)`. A cycle of kernels each of which leaves the target alone
+leaves it alone.
 """
 
 from collections.abc import Callable
@@ -64,6 +65,10 @@ def make_plan(c: SamplerConfig, anisotropic: bool, fit_surrogate: Callable | Non
         from gonio.mcmc.auto import Auto
 
         return Auto(block=c.block, anisotropic=anisotropic, adapt=bool(c.adapt), fit_surrogate=fit_surrogate)
+    if c.proposal == "flow" and c.adapt == "thesis":
+        from gonio.mcmc.thesis_flow import ThesisFlow
+
+        return ThesisFlow(c, seed)
     if c.proposal == "flow":
         from gonio.mcmc.flow_plan import FlowPlan
 

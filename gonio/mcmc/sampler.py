@@ -60,6 +60,7 @@ class Sampler:
         uniforms, normals = (max(getattr(p, k) for p, _ in plan.kernels) for k in ("uniforms", "normals"))
         self.draws = Draws(seed, chains, uniforms + 2, normals)
         self.history = History(channels) if plan.learns else None
+        self._follow = getattr(plan, "follow", None)
         self.log = StepLog(chains)
         self.step = 0  # steps of the rounds closed so far, the same for every chain
         self.row = 0  # rows of random numbers used
@@ -251,6 +252,8 @@ class Sampler:
             gain = gain - r.log_s[cell]
         accepted = r.log_coin[b] < gain
         chains.move(accepted, r.u[:, cell], wi, wo, f, log_p, log_w, ids)
+        if self._follow is not None:
+            self._follow(accepted, wi, wo)
         self.log.add(self.step + b, r.kind[cell], ids, accepted, log_j, chains.at, chains.log_p, wi, wo)
 
     def _end_round(self, r: Round) -> None:

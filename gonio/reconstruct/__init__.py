@@ -15,6 +15,9 @@ MODELS = {
     "lobes": "gonio.reconstruct.lobes",
     "abc": "gonio.reconstruct.abc",
     "thesis": "gonio.reconstruct.thesis",
+    "flow": "gonio.reconstruct.flow",
+    "flow_hd": "gonio.reconstruct.flow_hd",
+    "auto_flow": "gonio.reconstruct.auto_flow",
 }
 
 
