@@ -62,10 +62,9 @@ def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
         wi, wo, f = _measured(config, truth)
         held_out = wi[-HELD_OUT:], wo[-HELD_OUT:], f[-HELD_OUT:]
         for label, noise in config.noise.items():
-            sigma = np.hypot(noise.relative * f, noise.read / np.maximum(wi[:, 2:], 1e-3))
-            noisy = f + sigma * np.random.default_rng(config.seed).standard_normal(f.shape)
+            everything = noisy(wi, wo, f, noise, config.seed)
             for n in config.measurements:
-                s = Samples.of(wi[:n], wo[:n], noisy[:n], sigma[:n])
+                s = everything[:n]
                 for model in config.models:
                     row = {
                         "material": name,
@@ -91,6 +90,14 @@ def materials(config: Config) -> list[str]:
         else:
             names.append(m)
     return names
+
+
+def noisy(wi: Array, wo: Array, f: Array, noise: Noise, seed: int) -> Samples:
+    """Those above the horizon, as a rig of this noise reads them."""
+    up = (wi[:, 2] > 1e-3) & (wo[:, 2] > 1e-3)
+    wi, wo, f = wi[up], wo[up], f[up]
+    sigma = np.hypot(noise.relative * f, noise.read / wi[:, 2:])
+    return Samples.of(wi, wo, f + sigma * np.random.default_rng(seed).standard_normal(f.shape), sigma)
 
 
 def _measured(config: Config, truth: Brdf) -> tuple[Array, Array, Array]:
