@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.hdr import Picture, bad_pixels, merge
+from drivers.hdr import Picture, bad_pixels, in_the_middle, merge
 from gonio.config.detectors import CameraConfig
 from gonio.rig.errors import DeviceFault
 from gonio.rig.frames import Frames
@@ -143,9 +143,7 @@ class Camera:
         p, value = pictures[0], np.mean([p.value for p in pictures], 0)
         if p.saturated.mean() > 0.01 or value.mean() < 5 * p.sigma.mean():
             raise DeviceFault("camera", "sees no even surface", "let one fill its picture, neither dark nor glaring")
-        height, width = dark.bad.shape
-        middle = slice(height * 7 // 16, height * 9 // 16 + 1), slice(width * 7 // 16, width * 9 // 16 + 1)
-        flat = value / value[middle][~dark.bad[middle]].mean(0)
+        flat = value / in_the_middle(value, ~dark.bad)
         bad = dark.bad | bad_pixels(np.zeros_like(flat), flat, self.read_noise)
         self.frames = Frames(dark.exposures, dark.dark, dark.averaged, bad, np.where(bad[..., None], 1.0, flat))
 

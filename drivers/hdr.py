@@ -69,3 +69,16 @@ def bad_pixels(dark: Array, flat: Array | None, read: float) -> NDArray[np.bool_
         ratio = flat / np.maximum(smooth, 1e-12)
         bad |= ((ratio < 0.5) | (ratio > 2)).any(-1)
     return bad
+
+
+def in_the_middle(flat: Array, good: NDArray[np.bool_]) -> Array:
+    """(P,): what a flat picture (H, W, P) is in its middle, by a smooth surface through all good (H, W) pixels."""
+    height, width = good.shape
+    y, x = np.meshgrid(np.linspace(-1, 1, height), np.linspace(-1, 1, width), indexing="ij")
+    every = max(int(np.sqrt(good.size / 1e5)), 1)  # a hundred thousand pixels will do
+    used = np.zeros_like(good)
+    used[::every, ::every] = good[::every, ::every]
+    x, y = x[used], y[used]
+    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y, x**4, x * x * y * y, y**4], -1)
+    fit, *_ = np.linalg.lstsq(terms, flat[used], rcond=None)
+    return np.asarray(fit[0])

@@ -8,7 +8,7 @@ import pytest
 from drivers import camera as module
 from drivers.camera import Camera
 from drivers.camera_detector import CameraDetector
-from drivers.hdr import merge
+from drivers.hdr import in_the_middle, merge
 from drivers.v4l2_query import ENUM_FMT, QUERYCAP, query
 from gonio.config.detectors import CameraConfig, SensorConfig
 from gonio.rig.errors import DeviceFault
@@ -197,6 +197,14 @@ def test_flat_and_bad_pixels():
     r = CameraDetector(camera, 0.02, lambda: region).read()
     np.testing.assert_allclose(r.value / 2e4 / 0.02, [1, 0.5, 0.25], rtol=0.005)
     assert (r.sigma < 0.01 * r.value).all()
+
+
+def test_the_middle_of_a_flat_picture():
+    camera, source = dark_learnt(Scene(0.0, 0.0), vignetting=0.4)
+    noisy = source.gain_map * [1.0, 5.0] * np.random.default_rng(0).normal(1, 0.02, (48, 64, 2))
+    np.testing.assert_allclose(in_the_middle(noisy, ~camera.frames.bad), [1, 5], rtol=3e-3)
+    big = np.kron(noisy, np.ones((20, 20, 1)))
+    np.testing.assert_allclose(in_the_middle(big, np.ones(big.shape[:2], bool)), [1, 5], rtol=5e-3)
 
 
 def test_raw_planes_are_taken_in_the_order_named():
