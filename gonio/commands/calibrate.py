@@ -30,10 +30,13 @@ def camera(
     poses: Annotated[
         Path | None, typer.Option(help="CSV: view, <axis>_deg of every axis; the board lies in the sample's place")
     ] = None,
+    take: Annotated[
+        Path | None, typer.Option(help="take this picture now, lamp on, and add its pose to --poses [poses.csv]")
+    ] = None,
     dark: Annotated[bool, typer.Option("--dark", help="measure dark frames and bad pixels; the lamp goes off")] = False,
     flat: Annotated[bool, typer.Option("--flat", help="measure the flat frame; a diffuser is before the lens")] = False,
 ) -> None:
-    """The camera: its optics from pictures of a ChArUco board, with --poses also its mount; or --dark, --flat."""
+    """The camera: optics from pictures of a ChArUco board, with --poses its mount; or --take, --dark, --flat."""
     from calibration.camera import Board, board_image, calibrate_camera, find_corners, read_views
     from calibration.mount import calibrate_mount, read_poses
     from gonio.config import ConfigError
@@ -50,11 +53,14 @@ def camera(
             raise ConfigError(f"{board}: cannot be written; name a .png in a folder that exists")
         typer.echo(f"board  {board}: print it so that a square measures {square_mm:g} mm")
         return
+    if take is not None:
+        _take(rig, take, poses or take.with_name("poses.csv"))
+        return
     if dark or flat:
         _frames(rig, out, flat)
         return
     if not views:
-        raise ConfigError("name pictures of the board (--board FILE.png makes one to print), or --dark, or --flat")
+        raise ConfigError("name pictures of the board (--board FILE.png makes one to print), or --take, --dark, --flat")
     config = rig_config(rig)
     pictures = read_views(views)
     corners = find_corners(pictures, made)
@@ -106,6 +112,17 @@ def radiometry(
         found = measure_reference(held.as_is(reference, calibrated=False), theta_i, theta_o, np.array(f))
     gains = ", ".join(f"{g:.4g} ± {s:.1g}" for g, s in zip(found.gain, found.gain_sigma))
     _save(found, out, f"gain {gains}, linearity {found.linearity:+.2%}")
+
+
+def _take(rig: str, picture: Path, poses: Path) -> None:
+    import numpy as np
+
+    from calibration.take_view import take_view
+
+    with _held(rig) as held:
+        pose = take_view(held.as_is(calibrated=False), picture, poses)
+        at = "  ".join(f"{n} {a:.2f}" for n, a in zip(held.config.axis_names, np.degrees(pose)))
+    typer.echo(f"view   {picture}: {at} degrees, added to {poses}")
 
 
 def _frames(rig: str, out: Path, flat: bool) -> None:

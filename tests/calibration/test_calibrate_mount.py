@@ -8,7 +8,7 @@ import yaml
 from typer.testing import CliRunner
 
 from calibration.camera import Board, Corners, board_image
-from calibration.mount import calibrate_mount
+from calibration.mount import calibrate_mount, read_poses
 from gonio.cli import app
 from gonio.config import load_config
 from gonio.config.rig import RigConfig
@@ -102,6 +102,22 @@ def test_from_views_to_a_right_reading(tmp_path, monkeypatch):
     known, _ = write(tmp_path / "known.yaml", raw)
     blind = abs(measured(path) * np.pi - 1)
     assert blind > 0.02 and abs(measured(known) * np.pi - 1) < 0.01
+
+
+def test_a_view_is_taken_with_its_pose(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path, config = write(tmp_path / "eye.yaml", rig(lit_mm=20.0))
+    for k in range(2):
+        said = run("calibrate", "camera", "--take", f"v{k}.png", "--rig", path)
+    assert "light -45.00  turntable 0.00  detector 45.00" in said and "added to poses.csv" in said
+    poses = read_poses(tmp_path / "poses.csv", config)
+    assert list(poses) == ["v0.png", "v1.png"]
+    np.testing.assert_allclose(np.degrees(poses["v1.png"]), [-45, 0, 45, 0], atol=0.05)
+    seen = cv2.imread("v1.png", cv2.IMREAD_GRAYSCALE)
+    lit = np.hypot(*np.moveaxis(astray(view_of(config), AIM, SHIFT).on_sample(poses["v1.png"]), -1, 0)) < 0.0095
+    assert seen.shape == (360, 480) and seen[lit].mean() > 150
+    done = CliRunner().invoke(app, ["calibrate", "camera", "--take", "no/v.png", "--rig", str(path)])
+    assert isinstance(done.exception, CalibrationMissing) and "cannot be written" in str(done.exception)
 
 
 def test_dark_and_flat_by_command(tmp_path, monkeypatch):

@@ -1,0 +1,49 @@
+"""A picture by the rig's own camera, of whatever lies in the sample's place, and the pose it was taken at."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from drivers.hdr import NEAR_SATURATION
+from gonio.geometry import Array
+from gonio.rig.errors import CalibrationMissing
+from gonio.rig.staged import StagedRig
+
+CLIPPED = 0.01  # share of pixels that a picture of a board may have near saturation
+
+
+def take_view(rig: StagedRig, picture: Path, poses: Path) -> Array:
+    """Write the picture, 8-bit grey, and add its pose to the table; the pose (A,). The light is off afterwards.
+
+    Nothing moves. Raises CalibrationMissing where a file cannot be written, DeviceFault.
+    """
+    import cv2
+
+    if rig.config.detector != "camera":
+        raise CalibrationMissing(f"rig {rig.config.name}: its detector is a photodiode, which takes no pictures")
+    camera = rig.detector.camera  # type: ignore[attr-defined]
+    rig.light.on()
+    rig.light.level(1)
+    try:
+        for n, t in reversed(list(enumerate(camera.config.exposure_s))):
+            frame = camera.frame(t)
+            if (frame >= NEAR_SATURATION * camera.source.full_scale).mean() < CLIPPED:
+                break
+    finally:
+        rig.light.off()
+    pose = rig.stage.pose()
+    grey = np.maximum(frame - camera.known().dark[n], 0).mean(-1)
+    scaled = np.clip(255 * grey / max(float(np.quantile(grey, 0.995)), 1.0), 0, 255).astype(np.uint8)
+    head = ["view", *(f"{name}_deg" for name in rig.config.axis_names)]
+    try:
+        if not cv2.imwrite(str(picture), scaled):
+            raise OSError
+        new = not poses.exists()
+        with poses.open("a", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerows([head] * new + [[picture.name, *(f"{a:.4f}" for a in np.degrees(pose))]])
+    except (OSError, cv2.error):
+        raise CalibrationMissing(
+            f"{picture}, {poses}: cannot be written; name a .png in a folder that exists"
+        ) from None
+    return np.asarray(pose)
