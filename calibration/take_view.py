@@ -28,12 +28,12 @@ def take_view(rig: StagedRig, picture: Path, poses: Path) -> Array:
     try:
         for t, dark in zip(camera.config.exposure_s[::-1], camera.known().dark[::-1]):
             frame = camera.frame(t)
+            grey = np.maximum(frame - dark, 0).mean(-1)
             if (frame >= NEAR_SATURATION * camera.source.full_scale).mean() < CLIPPED:
                 break
     finally:
         rig.light.off()
     pose = rig.stage.pose()
-    grey = np.maximum(frame - dark, 0).mean(-1)
     scaled = np.clip(255 * grey / max(float(np.quantile(grey, 0.995)), 1.0), 0, 255).astype(np.uint8)
     head = ["view", *(f"{name}_deg" for name in rig.config.axis_names)]
     try:
