@@ -15,6 +15,7 @@ KINDS = MODEL_KINDS | {
     "auto": "gonio.reconstruct.auto:AutoBrdf",
     "tabulated": "gonio.reconstruct.tabulate:TabulatedBrdf",
     "flow": "gonio.reconstruct.flow:FlowBrdf",
+    "flow_density": "gonio.flow.density:FlowDensity",
     "auto_flow": "gonio.reconstruct.auto_flow:AutoFlowBrdf",
 }
 """kind of a saved BRDF -> its class; a file names a kind, never a class, so it cannot make us import anything else."""

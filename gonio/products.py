@@ -82,9 +82,15 @@ def make_report(folder: Path) -> Path:
     path = Path(folder) / "report.html"
     part = path.with_suffix(".part")
     with Store.open(folder, write=False) as store:
-        write_report(part, store, config.material, gonio.load_brdf(folder), truth)
+        write_report(part, store, config.material, gonio.load_brdf(folder), truth, _run_flow(folder))
     os.replace(part, path)
     return path
+
+
+def _run_flow(folder: Path):
+    """The density of the run's flow, None if it had none."""
+    path = Path(folder) / "flow_density.npz"
+    return gonio.load_brdf(path) if path.exists() else None
 
 
 def make_figures(folder: Path, which: str, truth: str | None = None) -> list[str]:
@@ -120,7 +126,7 @@ def _subject(folder: Path, truth: str | None):
         samples=samples,
         ours=gonio.load_brdf(folder),
         truth=None if name is None else open_truth(name),
-        density=flow if hasattr(flow, "log_prob") else getattr(flow, "density", None),
+        density=_run_flow(folder) if flow is None else getattr(flow, "density", None),
         flow=flow,
         seed=material.seed,
     )

@@ -66,11 +66,13 @@ class Run:
                     isotropic=material.symmetry == "isotropic",
                 )
         good_enough = GoodEnough(material, store)
+        finish: Callable[[], None] = lambda: None
         try:
             if state := store.kept():
                 rig.restore(state)
             sampler = make_sampler(material, rig.reachable, good_enough.fit_surrogate)
             rig.surrogate = good_enough.expected
+            finish = lambda: note_flow(sampler.plan, store)
             reason = acquire(
                 sampler, rig, store, material, watch=watch, interrupted=interrupted, good_enough=good_enough
             )
@@ -91,6 +93,7 @@ class Run:
         finally:
             rig.surrogate = None
             try:
+                finish()
                 store.commit()
             finally:
                 if not lent:
@@ -163,6 +166,20 @@ def find_truth(material: Material, rig: RigConfig) -> tuple[Brdf | None, str]:
 
     found = find(material.truth)
     return gonio.load_brdf(found.path), found.origin
+
+
+def note_flow(plan, store: Store) -> None:
+    """What a plan with a flow decided goes to the record, each election once; its density to flow_density.npz."""
+    audit, density = getattr(plan, "audit", None), getattr(plan, "density", None)
+    if audit is None:
+        return
+    known = sum(kind == "flow" for _, kind, _ in store.events())
+    for entry in audit[known:]:  # a resumed run holds the same elections again
+        store.event("flow", ", ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in entry.items()))
+    if density is not None:
+        from gonio.load import save_brdf
+
+        save_brdf(density, store.folder / "flow_density.npz")
 
 
 def load_samples(store: Store, measured: Measured | None = None) -> Samples:

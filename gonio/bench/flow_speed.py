@@ -86,7 +86,8 @@ class normflows:
 
     def __init__(self, shape: Shape):
         import normflows as nf
-        import torch
+
+        from gonio.flow.train import torch
 
         torch.set_num_threads(1)
         torch.manual_seed(0)

@@ -24,8 +24,9 @@ FINEST = 1e-3  # of tan(theta_h / 2) * 2 in `half`: a peak narrower than 0.06 de
 
 
 class Cube(Protocol):
-    """See the module's text."""
+    """See the module's text; `coordinates` is its name in `make_cube`."""
 
+    coordinates: str
     dimensions: int
     leading: tuple[int, ...]
     periodic: tuple[int, ...]
@@ -39,6 +40,8 @@ class Cube(Protocol):
 
 class RawCube:
     """The thesis's (3.5): theta_h = x0 pi/2, theta_d = x1 pi/2, phi_d = x2 pi; else 2 pi x2, phi_h = 2 pi x3."""
+
+    coordinates = "raw"
 
     def __init__(self, anisotropic: bool = False):
         self.dimensions = 4 if anisotropic else 3
@@ -73,7 +76,9 @@ class RawCube:
 
 
 class FlatCube(RawCube):
-    """(1 - cos theta_h, sin^2 theta_d, phi_d): the measure dwi dwo is constant (METHOD 7)."""
+    """(1 - cos theta_h, sin^2 theta_d, phi_d): the measure dwi dwo is constant."""
+
+    coordinates = "flat"
 
     def polar(self, x: Array) -> tuple[Array, Array]:
         return 2 * np.arctan2(np.sqrt(x[:, 0]), np.sqrt(2 - x[:, 0])), np.arctan2(
@@ -110,6 +115,8 @@ class VndfCube(_AboutIncidence):
 
     Over mirrored halves (azimuth in [0, pi]) if isotropic. log density of wo given wi: D_wi(h) / (4 wo.h).
     """
+
+    coordinates = "vndf"
 
     def __init__(self, alpha: float, anisotropic: bool = False):
         super().__init__(anisotropic)
@@ -151,6 +158,8 @@ class HalfCube(_AboutIncidence):
     meets the horizon: cos theta_o > 0 iff 2 theta_h - delta < pi/2, delta = atan2(cos phi sin theta_i, cos theta_i),
     phi = pi x1 the azimuth of h from that of wi (2 pi x1 if anisotropic).
     """
+
+    coordinates = "half"
 
     def to_directions(self, x: Array) -> tuple[Array, Array]:
         wi = self._incidence(x)

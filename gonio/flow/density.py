@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gonio.flow.cubes import Cube
+from gonio.flow.cubes import Cube, make_cube
 from gonio.flow.flow import Flow
 from gonio.geometry import Array
 
@@ -13,11 +13,25 @@ LOG_TURN = np.log(2 * np.pi)
 class FlowDensity:
     """q(wi, wo), solid angles of both. Isotropic: turned by an even azimuth and mirrored with even odds."""
 
-    uniforms = 5
+    kind = "flow_density"
 
     def __init__(self, flow: Flow, cube: Cube):
         self.flow, self.cube = flow, cube
         self.isotropic = cube.dimensions == 3
+
+    def to_arrays(self) -> dict[str, Array]:
+        cube = {
+            "coordinates": np.array(self.cube.coordinates),
+            "cube_alpha": np.array(getattr(self.cube, "alpha", 0.1)),
+            "anisotropic": np.array(not self.isotropic),
+        }
+        return cube | self.flow.to_arrays()
+
+    @classmethod
+    def from_arrays(cls, d: dict[str, Array]) -> "FlowDensity":
+        """Raises FlowError, KeyError."""
+        cube = make_cube(str(d["coordinates"]), float(d["cube_alpha"]), bool(d["anisotropic"]))
+        return cls(Flow.from_arrays(d), cube)
 
     def log_prob(self, wi: Array, wo: Array) -> Array:
         """log q (N,); both directions above the horizon."""

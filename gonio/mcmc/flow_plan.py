@@ -83,9 +83,7 @@ class FlowPlan(Auto):
             self.start = flow.at(codes.fit(flow, x, w, None if self.start is None else self.start.code))
         assert self.start is not None
         out["start"] = self.start
-        if self.config.train and len(x) >= TRAINED_FROM:
-            from gonio.flow.train import train
-
+        if self.config.train and len(x) >= TRAINED_FROM and (train := trainer()) is not None:
             best = max(out.values(), key=lambda q: mean_log_prob(q, held_x, held_w))
             steps = min(MOST_STEPS, EPOCHS * len(x) // BATCH)
             rng = np.random.default_rng([self.seed, len(x)])
@@ -105,6 +103,11 @@ class FlowPlan(Auto):
             encoding=c.encoding,
         )
 
+    @property
+    def density(self) -> FlowDensity | None:
+        """The live flow."""
+        return None if self.live is None else FlowDensity(self.live, self.cube)
+
     def _densities(self) -> list[Any]:
         lobes = super()._densities()
         if self.live is None or self.share <= 0:
@@ -121,6 +124,15 @@ class FlowPlan(Auto):
         )
         self.share, self.audit = float(state["share"]), list(state["audit"])
         super().restore(state, target)
+
+
+def trainer() -> Callable | None:
+    """`gonio.flow.train.train`, None where torch is not installed: the code is fitted all the same."""
+    try:
+        from gonio.flow.train import train
+    except ImportError:
+        return None
+    return train
 
 
 def kept_back(wo: Array) -> Array:

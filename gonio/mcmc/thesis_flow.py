@@ -64,6 +64,11 @@ class ThesisFlow:
         self._use(done.flow)
         self.audit.append({"draws": len(self.accepted), "chosen": "trained", "loss": float(done.losses[-1])})
 
+    @property
+    def density(self) -> FlowDensity:
+        """The live flow."""
+        return self.proposal.density
+
     def _use(self, flow: Flow) -> None:
         self.proposal.density = FlowDensity(flow, self.cube)
 

@@ -5,9 +5,7 @@ A wrong density costs a render noise, never its mean: so the flow may be rough w
 
 import numpy as np
 
-from gonio.flow.cubes import make_cube
 from gonio.flow.density import FlowDensity
-from gonio.flow.flow import Flow
 from gonio.geometry import Array
 from gonio.reconstruct import auto
 from gonio.reconstruct.auto import AutoBrdf
@@ -35,13 +33,12 @@ class AutoFlowBrdf:
 
     def to_arrays(self) -> dict[str, Array]:
         value = {f"value.{k}": v for k, v in self.value.to_arrays().items()}
-        anisotropic = {"anisotropic": np.array(not self.density.isotropic)}
-        return value | anisotropic | self.density.flow.to_arrays()
+        return value | self.density.to_arrays()
 
     @classmethod
     def from_arrays(cls, d: dict[str, Array]) -> "AutoFlowBrdf":
         value = AutoBrdf.from_arrays({k[6:]: v for k, v in d.items() if k.startswith("value.")})
-        return cls(value, FlowDensity(Flow.from_arrays(d), make_cube("half", 0.1, bool(d["anisotropic"]))))
+        return cls(value, FlowDensity.from_arrays(d))
 
 
 def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> AutoFlowBrdf:

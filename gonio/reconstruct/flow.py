@@ -21,6 +21,7 @@ from gonio.flow.cubes import make_cube
 from gonio.flow.density import FlowDensity
 from gonio.flow.flow import Flow, FlowError, Shape
 from gonio.geometry import Array
+from gonio.reconstruct import ReconstructionError
 from gonio.reconstruct.auto import Problem, peak_width
 from gonio.reconstruct.clean import clean
 from gonio.reconstruct.frame import Frame
@@ -44,10 +45,10 @@ class FlowBrdf:
     kind = "flow"
 
     def __init__(
-        self, density: FlowDensity, coordinates: str, log_c: float, ratio: LogRatio, share: Array, frame: Frame,
+        self, density: FlowDensity, log_c: float, ratio: LogRatio, share: Array, frame: Frame,
         t0: float, colour: Array,
     ):  # fmt: skip
-        self.density, self.coordinates, self.log_c = density, coordinates, log_c
+        self.density, self.log_c = density, log_c
         self.ratio, self.share, self.frame, self.t0 = ratio, share, frame, t0
         self.chart = frame.chart(t0)
         self.colour = Lookup(colour, self.chart.periodic, self.chart.refine)
@@ -86,22 +87,19 @@ class FlowBrdf:
 
     def to_arrays(self) -> dict[str, Array]:
         own = {
-            "coordinates": np.array(self.coordinates),
             "log_c": np.array(self.log_c),
             "floor": self.ratio.floor,
             "share": self.share,
             "t0": np.array(self.t0),
             "colour": self.colour.values,
         }
-        return own | self.frame.to_arrays() | self.density.flow.to_arrays()
+        return own | self.frame.to_arrays() | self.density.to_arrays()
 
     @classmethod
     def from_arrays(cls, d: dict[str, Array]) -> "FlowBrdf":
         frame: Frame = Grain(*(float(v) for v in d["grain"])) if "grain" in d else Isotropic()
-        coordinates = str(d["coordinates"])
-        density = FlowDensity(Flow.from_arrays(d), make_cube(coordinates, 0.1, "grain" in d))
-        return cls(density, coordinates, float(d["log_c"]), LogRatio(d["floor"]), d["share"], frame, float(d["t0"]),
-                   d["colour"])  # fmt: skip
+        ratio, t0 = LogRatio(d["floor"]), float(d["t0"])
+        return cls(FlowDensity.from_arrays(d), float(d["log_c"]), ratio, d["share"], frame, t0, d["colour"])
 
 
 class FlowSampler:
@@ -153,7 +151,7 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator, coordi
     colour = np.zeros((len(above), len(share)))
     need = above > -0.15
     colour[need] = patches(stretch(nodes.at(need)))
-    return FlowBrdf(density, coordinates, log_c, p.ratio, share, frame, t0, colour.reshape(*chart.coarse, -1))
+    return FlowBrdf(density, log_c, p.ratio, share, frame, t0, colour.reshape(*chart.coarse, -1))
 
 
 def fit_density(
@@ -163,8 +161,10 @@ def fit_density(
 
     floor is added to `total`: what lies below it is noise.
     """
-    from gonio.flow.train import match
-
+    try:
+        from gonio.flow.train import match
+    except ImportError as e:
+        raise ReconstructionError(f"a flow is trained by torch ({e}); pip install 'gonio[flow]', or use auto") from None
     cube = make_cube(coordinates, 0.1, anisotropic)
     x = cube.from_directions(wi, wo)
     # to the cube: c q_x = S cos(theta_o) |d(wi, wo)/dx|

@@ -26,9 +26,12 @@ img{max-width:100%}p{color:#445}
 
 
 def write_report(
-    path: str | os.PathLike[str], store: Store, material: Material, brdf: Brdf, truth: Brdf | None
+    path: str | os.PathLike[str], store: Store, material: Material, brdf: Brdf, truth: Brdf | None, flow=None
 ) -> None:
-    """The page: what was run, where was measured, how the chains did, what came out and how right it is."""
+    """The page: what was run, where was measured, how the chains did, what came out and how right it is.
+
+    flow: the density (`log_prob`) that the run's flow ended with, if it had one.
+    """
     m, steps = store.measured(), store.steps()
     good = np.isfinite(m.f).all(1)
     samples = Samples.of(m.seen[good, :3], m.seen[good, 3:], m.f[good], m.sigma[good], m.saturated[good])
@@ -59,6 +62,7 @@ def write_report(
             figures.sample_cloud(samples, f"{len(samples)} measurements, rejected proposals included"),
         )
     )
+    parts.append(_flow(store, samples, flow))
     parts.append(_chains(store, steps))
     parts.append(_reciprocity(samples))
     title = html.escape(material.name)
@@ -125,6 +129,17 @@ def _chains(store: Store, steps) -> str:
         parts.append(_table("Chains", rows))
         parts.append(_section("Traces, ranks, running integral", figures.traces(theta_h, phi_d)))
     return "".join(parts)
+
+
+def _flow(store: Store, samples: Samples, density) -> str:
+    if density is None:
+        return ""
+    from gonio.render.flow_figure import flow_beside_samples
+
+    elections = [text for _, kind, text in store.events() if kind == "flow"]
+    rows = {f"election {k}": text for k, text in enumerate(elections, 1)}
+    beside = _section("The flow beside the samples", flow_beside_samples(density, samples))
+    return beside + _table("Elections of the flow: mean log density of the draws kept back", rows)
 
 
 def _reciprocity(samples: Samples) -> str:

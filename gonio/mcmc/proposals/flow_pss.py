@@ -4,7 +4,6 @@ u are the flow's base coordinates, x = flow^-1(u) a point of its cube: |d(wi, wo
 target's shape every weight is the same and every move accepted; what the flow leaves out is all but out of reach.
 """
 
-
 from gonio.flow.density import FlowDensity
 from gonio.geometry import Array
 from gonio.mcmc.proposals.cube import CubeStep
