@@ -21,18 +21,18 @@ httpx = pytest.importorskip("httpx", reason="needs the extra `daemon`")
 class Daemon:
     """`gonio daemon` on a rig: `client` over its Unix socket, `gonio(...)` in the same surroundings."""
 
-    def __init__(self, rig="sim", tcp=False):
+    def __init__(self, rig="sim", tcp=False, name=None):
         self.base = Path(tempfile.mkdtemp(prefix="gonio-test-"))  # short: a socket's path may have 107 bytes
         self.runs = self.base / "runs"
         (self.base / "run").mkdir(mode=0o700)
         self.env = {**os.environ, "XDG_RUNTIME_DIR": str(self.base / "run"), "OMP_NUM_THREADS": "1"}
         self.rig, self.tcp, self.url = rig, tcp, ""
-        self.socket = self.base / "run" / "gonio" / f"{rig}.sock"
+        self.socket = self.base / "run" / "gonio" / f"{name or rig}.sock"
         self.start()
 
     def start(self):
         port = ["--tcp", "0"] if self.tcp else []
-        command = ["daemon", "--rig", self.rig, "--runs", str(self.runs), *port]
+        command = ["daemon", "--rig", str(self.rig), "--runs", str(self.runs), *port]
         self.process = self.spawn(*command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
         assert self.process.stdout.readline().startswith("rig"), "the daemon did not start"
         if self.tcp:
