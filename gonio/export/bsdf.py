@@ -7,6 +7,7 @@ up for it, so that samples still follow f cos(theta_o).
 
 What 32 x 64^2 cannot hold: the last degrees before the horizon on a rough surface (f cos ends there with a kink), and
 detail finer than 3 degrees of azimuth. More `incidences` and `resolution` do: the error falls about as 1 / resolution.
+So the table is compared with the BRDF and made finer where it is needed.
 """
 
 import os
@@ -16,6 +17,7 @@ import numpy as np
 from gonio.brdf import Brdf, RglBrdf
 from gonio.brdf.tensor_file import write_tensor_file
 from gonio.brdf.warp import Interpolant, Warp
+from gonio.evaluate import evaluate
 from gonio.export import ExportError, checked
 from gonio.export.profile import half_profile, half_width, projected_area, turns
 from gonio.export.spectrum import WAVELENGTHS, upsample
@@ -27,6 +29,8 @@ GRAZING = 1.5  # incidences at 90 degrees (1 - (1 - t)^GRAZING): closer together
 EDGE, EDGE_SHARE = np.radians(0.3), 0.3
 POLE = 1e-3  # nodes at the pole step aside by this, to keep their azimuth: a measured table need not agree there
 LAST = np.radians(89.0)
+ENOUGH = 0.01  # energy error of a table against its BRDF above which it is made
+FINER = (56, 112)  # instead
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
@@ -44,10 +48,19 @@ def write_bsdf(
 
     anisotropic: a table over all azimuths of the light; None = where the BRDF is seen to change with them.
     Spectral files hold the channels at `brdf.wavelengths` (nm) where it has them, else a smooth upsampling of rgb.
-    Defaults: 32 incidences of 64 x 64; anisotropic 25 azimuths x 16 incidences of 32 x 32.
+    Defaults: 32 incidences of 64 x 64, and 56 of 112 x 112 where those are more than a percent off; anisotropic
+    25 azimuths x 16 incidences of 32 x 32.
     Raises ExportError for a BRDF with NaN, negative values, or the wrong channels.
     """
-    write_tensor_file(path, fields(brdf, anisotropic, spectral, incidences, resolution, description))
+    made = fields(brdf, anisotropic, spectral, incidences, resolution, description)
+    if incidences is None and resolution is None and len(made["phi_i"]) == 1 and _error(brdf, made) > ENOUGH:
+        made = fields(brdf, False, spectral, *FINER, description)
+    write_tensor_file(path, made)
+
+
+def _error(brdf: Brdf, made: dict[str, Array]) -> float:
+    """The referee's energy error of an rgb table against the BRDF it is made of; 0 of other tables."""
+    return evaluate(RglBrdf(made), brdf, n=1500)["energy_mean"] if "rgb" in made else 0.0
 
 
 def fields(

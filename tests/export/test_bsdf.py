@@ -5,6 +5,7 @@ import pytest
 from brdf.halfsquare import sample_p_value
 
 from gonio.brdf import Ggx, Lambert, Mixture, RglBrdf
+from gonio.brdf.tensor_file import read_tensor_file
 from gonio.evaluate import evaluate
 from gonio.export import ExportError
 from gonio.export.bsdf import as_brdf, write_bsdf
@@ -155,3 +156,18 @@ def test_the_test_of_refusal_would_see_a_table_with_nan():
     good["rgb"][0, 0, 0, 3, 3] = np.nan
     with pytest.raises(BrdfFileError, match="NaN"):
         RglBrdf(good)
+
+
+def test_a_table_is_made_finer_where_the_usual_one_is_off(tmp_path, monkeypatch):
+    from gonio.export import bsdf
+
+    monkeypatch.setattr(bsdf, "FINER", (36, 72))
+    shapes = []
+    for brdf in (Lambert([0.3] * 3), Mixture([Lambert([0.1] * 3), Ggx(0.3, f0=[0.5] * 3)])):
+        monkeypatch.setattr(bsdf, "ENOUGH", 0.01 if not shapes else 0.0)
+        write_bsdf(brdf, tmp_path / "x.bsdf")
+        shapes.append(read_tensor_file(tmp_path / "x.bsdf")["rgb"].shape)
+    assert shapes == [(1, 32, 3, 64, 64), (1, 36, 3, 72, 72)]
+    # a size that was asked for is what is made
+    write_bsdf(brdf, tmp_path / "x.bsdf", resolution=64)
+    assert read_tensor_file(tmp_path / "x.bsdf")["rgb"].shape == (1, 32, 3, 64, 64)
