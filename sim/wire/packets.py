@@ -2,31 +2,30 @@
 
 import struct
 
-import numpy as np
-
 WORDS = struct.Struct(">H").iter_unpack
 HEADER = b"\xff\xff\xfd\x00"
 STATUS, BROADCAST = 0x55, 0xFE
 
 
-def _table() -> list[int]:
-    """CRC-16, polynomial 0x8005, not reflected, of two bytes at a time."""
-    crc = np.arange(0x10000)
-    for _ in range(16):
-        crc = np.where(crc & 0x8000, crc << 1 ^ 0x8005, crc << 1) & 0xFFFF
-    return crc.tolist()
+def _table(places: int) -> list[int]:
+    """CRC-16, polynomial 0x8005, not reflected: of a byte with so many bytes behind it."""
+    table = [byte << 8 for byte in range(256)]
+    for _ in range(8 * places):
+        table = [(crc << 1 ^ 0x8005) & 0xFFFF if crc & 0x8000 else crc << 1 for crc in table]
+    return table
 
 
-TABLE = _table()
+FIRST, SECOND = _table(2), _table(1)
 
 
 def crc16(data: bytes) -> int:
-    """A leading zero byte changes nothing: the sum starts at 0."""
+    """Two bytes at a time. A leading zero byte changes nothing: the sum starts at 0."""
     if len(data) % 2:
         data = b"\0" + data
-    crc = 0
+    crc, first, second = 0, FIRST, SECOND
     for (word,) in WORDS(data):
-        crc = TABLE[crc ^ word]
+        crc ^= word
+        crc = first[crc >> 8] ^ second[crc & 255]
     return crc
 
 
