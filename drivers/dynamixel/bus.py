@@ -99,11 +99,14 @@ class Bus:
         return self._whole(servo, once, last=servo)
 
     def write(self, servo: int, register: Register, value: int) -> None:
-        """Written, and read back where the reply was lost. Raises DeviceFault, Refused."""
+        """Written and acknowledged. Raises DeviceFault, Refused."""
         data = value.to_bytes(register.size, "little", signed=value < 0)
+        request = [register.address & 255, register.address >> 8, *data]
 
         def once() -> None:
-            self._reply(servo, lambda: self._send(servo, 0x03, [register.address & 255, register.address >> 8, *data]))
+            more, _ = self._reply(servo, lambda: self._send(servo, 0x03, request))
+            if more:  # an acknowledgement has no data: that was the answer to something else
+                raise NoAnswer
 
         self._whole(servo, once, last=servo)
 

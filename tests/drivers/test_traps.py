@@ -115,6 +115,17 @@ def test_1_out_of_step_it_would_be_taken(bench, monkeypatch):
     assert bus.read(1, t.GOAL) == 1234 and bus.read(1, t.PRESENT_POSITION) == 1234
 
 
+def test_1_anothers_answer_acknowledges_no_write(bench, monkeypatch):
+    bus = bench.stage.bus
+    bus.open()
+    assert bus.read(1, t.MODEL) == 1020
+    monkeypatch.setattr(bus, "_in_step", lambda servo: True)
+    late(bench, *LATER)
+    bus.read(1, t.GOAL)  # its second answer is still to come
+    bus.write(1, t.POSITION_I_GAIN, 77)
+    assert bus.failures >= 2 and bench.servos[1].get(82) == 77
+
+
 def test_1_late_states_are_not_those_of_now(bench):
     bench.stage.connect()
     before = bench.stage.states()[0].position
