@@ -27,7 +27,7 @@ BOARD = Board(square=0.008, marker=0.006)
 def rig(**camera):
     """camera.yaml with a larger picture and one channel, its camera bumped into."""
     raw = yaml.safe_load((ROOT / "configs/rigs/camera.yaml").read_text())
-    raw["camera"] |= {"width": 480, "height": 360, "focal_px": 1200, "channels": [0], "exposure_s": [0.0064, 0.0512]}
+    raw["camera"] |= {"width": 360, "height": 270, "focal_px": 900, "channels": [0], "exposure_s": [0.0064, 0.0512]}
     raw["camera"] |= {"lit_mm": 5.0, "discard_frames": 2}
     raw["camera"]["sensor"] |= {"aim_deg": list(AIM), "shift_mm": list(SHIFT), "delay_frames": 1}
     raw["camera"] |= camera
@@ -90,7 +90,7 @@ def test_from_views_to_a_right_reading(tmp_path, monkeypatch):
     file = next((tmp_path / "calibrations").glob("camera-*.yaml"))
     assert "mount 0." in said and f"calibrations/{file.name}: name it in the rig's YAML as calibration.camera" in said
     found = load_calibration(file, CameraCalibration)
-    np.testing.assert_allclose(np.array(found.matrix)[[0, 1], [0, 1]], 1200, rtol=0.02)
+    np.testing.assert_allclose(np.array(found.matrix)[[0, 1], [0, 1]], 900, rtol=0.02)
     # where things are seen is what counts: focal length and distance make up for each other
     got = view_of(config, None, found)
     spots = np.array([[0.002, 0, 0], [0, 0.002, 0], [-0.002, -0.002, 0]])
@@ -154,7 +154,7 @@ def test_views_that_do_not_tell_the_mount_are_refused():
     view = view_of(config)
     camera = CameraCalibration(
         id="x", date="2026-01-01T00:00:00Z", rig="camera", matrix=view.matrix.tolist(), distortion=(0.0,) * 5,
-        size=(480, 360), rms_px=0.1, views=8,
+        size=(360, 270), rms_px=0.1, views=8,
     )  # fmt: skip
     board = np.stack([*np.meshgrid(np.linspace(-0.02, 0.02, 5), np.linspace(-0.015, 0.015, 4)), np.zeros((4, 5))], -1)
     board = board.reshape(-1, 3).astype(np.float32)
