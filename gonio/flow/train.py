@@ -124,7 +124,9 @@ def match(
     The error is taken as |log(c q / g)|, which is the relative one where it is small: as written (4.11) is at most 1
     for a flow that is too dark, and such a flow stays so. Beyond a fifth it counts linearly. c is the closed-form
     optimum of the relative error for fixed weights, sum(q/g) / sum((q/g)^2) as (4.15) is of the absolute one, taken
-    anew at the best state so far only, as the points `held` (N,) bool, not trained on, judge it. Raises FlowError.
+    anew at the best state so far only, as the points `held` (N,) bool, not trained on, judge it. In the first quarter,
+    when no state is worth a constant, each batch has its own: held to a wrong one the flow starves a tenth of the
+    points to raise the others. Raises FlowError.
     """
     x, good = _usable(x, np.isfinite(log_g).astype(float))
     torch.set_num_threads(1)
@@ -148,14 +150,15 @@ def match(
     for step in range(steps):
         i = torch.tensor(learn[rng.integers(len(learn), size=batch)])
         log_q = log_prob(p, flow.shape, points[i], code.expand(batch, -1))
-        objective = torch.nn.functional.huber_loss(log_q + log_c, goal[i], delta=HUBER)
+        constant_now = log_c if step >= steps // 4 else (goal[i] - log_q).detach().median()
+        objective = torch.nn.functional.huber_loss(log_q + constant_now, goal[i], delta=HUBER)
         optimiser.zero_grad()
         objective.backward()
         norm = torch.nn.utils.clip_grad_norm_(list(p.values()), CLIP, foreach=True)
         if bool(torch.isfinite(norm)):
             optimiser.step()
         schedule.step()
-        if step % LOOK == LOOK - 1:
+        if step % LOOK == LOOK - 1 or step == steps // 4 - 1:
             now = Flow(flow.shape, {k: q.detach().numpy().copy() for k, q in p.items()}, flow.code)
             new_c, loss = constant(now)
             if loss < best[0]:

@@ -26,7 +26,7 @@ from gonio.mcmc.target import Target
 
 FEWEST = 40  # draws below which nothing is fitted
 TRAINED_FROM = 400  # draws from which on all weights are trained, not only the code
-EPOCHS, BATCH, MOST_STEPS, RATE = 20, 256, 400, 3e-4
+EPOCHS, BATCH, MOST_STEPS, RATE = 20, 256, 400, 1e-3
 TRUNCATED = 0.5  # weights are cut at N^0.5 times their mean (Ionides 2008)
 
 
