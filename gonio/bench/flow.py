@@ -14,6 +14,8 @@ Each run is driven to `adapt` measurements, then on to `measurements`; figures a
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Literal
 
@@ -49,6 +51,7 @@ class Config(Section):
     chains: int = 4
     seeds: int = 1
     energy: bool = True
+    workers: int = 2
 
 
 def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
@@ -58,16 +61,16 @@ def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
     say(head)
     rows: dict[tuple[str, str], list[Array]] = {}
     lost: dict[str, list[str]] = {name: [] for name in config.variants}
-    for material in config.materials:
-        brdf = truth_of(material)
-        for name, section in config.variants.items():
-            for seed in range(1, config.seeds + 1):
-                figures, why = one(brdf, section, config, seed)
-                rows.setdefault((material, name), []).append(figures)
-                lost[name] += [f"{material} (seed {seed}): {w}" for w in why]
-            e, a, i, k, g, c = np.mean(rows[material, name], 0)
-            mine = sum(w.startswith(material + " ") for w in lost[name])
-            say(f"{material:20}{name:>10}{e:8.3f}{a:8.2f}{i:10.3f}{k:8.3f}{g:8.3f}{c:8.1f}  {mine}")
+    tasks = [(m, n, k) for m in config.materials for n in config.variants for k in range(1, config.seeds + 1)]
+    with ProcessPoolExecutor(config.workers, mp_context=get_context("spawn")) as pool:
+        done = pool.map(_task, ((config, *t) for t in tasks))
+        for (material, name, seed), (figures, why) in zip(tasks, done):
+            rows.setdefault((material, name), []).append(figures)
+            lost[name] += [f"{material} (seed {seed}): {w}" for w in why]
+            if seed == config.seeds:
+                e, a, i, k, g, c = np.mean(rows[material, name], 0)
+                mine = sum(w.startswith(material + " ") for w in lost[name])
+                say(f"{material:20}{name:>10}{e:8.3f}{a:8.2f}{i:10.3f}{k:8.3f}{g:8.3f}{c:8.1f}  {mine}")
     for name in config.variants:
         mean = np.mean([np.mean(rows[m, name], 0) for m in config.materials], 0)
         say(
@@ -82,6 +85,11 @@ def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
         if name != config.reference and config.compared:
             ratio = [np.mean(rows[m, name], 0)[0] / np.mean(rows[m, config.reference], 0)[0] for m in config.compared]
             say(f"{name} : {config.reference}, ESS on {', '.join(config.compared)}: {np.mean(ratio):.2f}")
+
+
+def _task(task: tuple[Config, str, str, int]) -> tuple[Array, list[str]]:
+    config, material, name, seed = task
+    return one(truth_of(material), config.variants[name], config, seed)
 
 
 def one(brdf: Brdf, section: dict[str, Any], config: Config, seed: int) -> tuple[Array, list[str]]:
