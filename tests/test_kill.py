@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gonio.store import Store
+from tests.nursery import Nursery
 
 SETTINGS = ["--set", "name=kill", "--no-post"]
 
@@ -51,25 +52,44 @@ def contents(folder):
     }
 
 
+def stored(folder) -> int:
+    """How many measurements are in the file."""
+    try:
+        with Store.open(folder, write=False) as store:
+            return store._db.execute("SELECT count(*) FROM measurements").fetchone()[0]
+    except Exception:  # not made yet
+        return 0
+
+
+@pytest.fixture(scope="module")
+def nursery():
+    n = Nursery("sim.rig", "sim.ideal")
+    yield n
+    n.close()
+
+
 @pytest.mark.parametrize(
     ("rig", "proposal", "measurements", "kills"), [("ideal", "independence", 8000, 20), ("sim", "auto", 800, 10)]
 )
-def test_killed_thirty_times_and_nothing_lost(tmp_path, truth, rig, proposal, measurements, kills):
+def test_killed_thirty_times_and_nothing_lost(tmp_path, truth, nursery, rig, proposal, measurements, kills):
     args = acquisition(truth, rig, proposal, measurements)
     whole, torn = tmp_path / "whole", tmp_path / "torn"
-    assert run(*args, "--out", whole).returncode == 0
+    nursery.start(*args, "--out", whole)
+    assert nursery.wait()[0] == 0
     expected = contents(whole)
     rng = np.random.default_rng(5)
     killed, seen = 0, 0
-    command, env = gonio(*args, "--out", torn)
+    command = [*args, "--out", torn]
     while killed < kills:
-        process = subprocess.Popen(command, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        pid = nursery.start(*command)
         goal = seen + int(rng.integers(1, max(2, (measurements - seen) // (2 * (kills - killed) + 1))))
-        _wait_for(process, torn, goal, rng)
-        if process.poll() is not None:
+        while stored(torn) < goal and not nursery.ended(pid):
+            time.sleep(0.002)
+        time.sleep(float(rng.uniform(0, 0.004)))  # then a random moment more
+        if nursery.ended(pid):
             break  # done before all kills were spent
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+        os.kill(pid, signal.SIGKILL)
+        assert nursery.wait()[0] == -signal.SIGKILL
         killed += 1
         got = contents(torn)
         n = len(got["m_id"])
@@ -78,26 +98,14 @@ def test_killed_thirty_times_and_nothing_lost(tmp_path, truth, rig, proposal, me
         for k in ("m_asked", "m_seen", "m_f", "m_sigma"):
             assert np.array_equal(got[k], expected[k][at], equal_nan=True)
         seen = n
-        command, env = gonio("resume", torn, "--no-post")
+        command = ["resume", torn, "--no-post"]
     assert killed == kills
-    done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
+    nursery.start(*command)
+    code, last = nursery.wait()
+    assert code == 0, last
     got = contents(torn)
     for k in expected:
         assert np.array_equal(got[k], expected[k], equal_nan=expected[k].dtype.kind == "f"), k
-
-
-def _wait_for(process, folder, goal, rng):
-    """Until so many measurements are stored, then a random moment more."""
-    while process.poll() is None:
-        try:
-            with Store.open(folder, write=False) as store:
-                if store._db.execute("SELECT count(*) FROM measurements").fetchone()[0] >= goal:
-                    break
-        except Exception:  # not made yet
-            pass
-        time.sleep(0.002)
-    time.sleep(float(rng.uniform(0, 0.004)))
 
 
 def test_killed_before_the_first_measurement(tmp_path, truth):

@@ -13,7 +13,7 @@ from gonio.brdf.mixture import Mixture
 from gonio.load import save_brdf
 from gonio.store import Store
 from tests.nursery import PRELOAD_WIRE, Nursery
-from tests.test_kill import acquisition, contents
+from tests.test_kill import acquisition, contents, stored
 
 KILLS, MEASUREMENTS = 50, 600
 
@@ -34,14 +34,6 @@ def nursery():
 
 def arguments(truth):
     return [*acquisition(truth, "wire", "pss_simple", MEASUREMENTS), "--set", "sampler.chains=16"]
-
-
-def stored(folder) -> int:
-    try:
-        with Store.open(folder, write=False) as store:
-            return store._db.execute("SELECT count(*) FROM measurements").fetchone()[0]
-    except Exception:  # not made yet
-        return 0
 
 
 def kill_again_and_again(nursery, args, torn, kills, rng) -> list[int]:

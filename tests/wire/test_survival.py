@@ -19,9 +19,8 @@ from gonio.run import resume, start
 from gonio.store import Store, StoreError
 from sim.wire.line import Wire
 from tests.nursery import Nursery
-from tests.test_kill import contents
+from tests.test_kill import contents, stored
 from tests.wire.lab import WIRE, Lab
-from tests.wire.test_kill_wire import stored
 
 N = 120
 
