@@ -18,11 +18,14 @@ STUDIES = {
     "reconstruction": "gonio.bench.reconstruction",
     "thesis": "gonio.bench.thesis_table",
     "rendered": "gonio.bench.rendered",
+    "reconstruction_speed": "gonio.bench.reconstruction_speed",
+    "ablations": "gonio.bench.ablations",
     "rig": "gonio.bench.rig_seconds",
     "wire": "gonio.bench.wire",
     "picture": "gonio.bench.picture",
     "flow": "gonio.bench.flow",
     "flow_speed": "gonio.bench.flow_speed",
+    "codes": "gonio.bench.codes",
     "pretrain": "gonio.bench.pretrain",
 }
 

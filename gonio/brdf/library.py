@@ -52,7 +52,9 @@ def available() -> list[Found]:
     out += _tables(cache_folder(), f"measured table, fetched to {cache_folder()}")
     fits = Path(str(files("sim"))) / "materials"
     for path in sorted(fits.glob("*.yaml")):
-        out.append(Found(path.stem, path, "fit that ships with gonio, not the measured table"))
+        analytic = path.stem.startswith("analytic_")
+        origin = "analytic material" if analytic else "fit that ships with gonio, not the measured table"
+        out.append(Found(path.stem, path, origin))
     return out
 
 

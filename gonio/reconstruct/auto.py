@@ -4,6 +4,7 @@ samples -> clean -> base (lobes, log loss) -> log ratio -> coordinates chosen by
 -> table. Every choice is made by foretelling samples from their neighbours; nothing is tuned to a material.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,7 +98,31 @@ class Problem:
         return cls(s, frame, a, g, sigma, ratio, base, b, ratio.forward(g, b), ratio.variance(g, sigma, b))
 
 
+@dataclass(frozen=True)
+class Splines:
+    """What is tabulated: log_ratio(angles) -> (N, C) to the base, and its standard deviation as a table over the chart.
+
+    t0 in radians; error, notes: as `AutoBrdf` has them.
+    """
+
+    frame: Frame
+    base: RobustBase
+    ratio: LogRatio
+    t0: float
+    log_ratio: Callable[[PairAngles], Array]
+    spread: Lookup
+    error: float
+    notes: dict[str, float]
+
+
 def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> AutoBrdf:
+    """Raises ReconstructionError for samples too few or too poor."""
+    s = splines(samples, anisotropic=anisotropic, rng=rng)
+    table = TabulatedBrdf.of(s.frame, s.base, s.ratio, s.t0, s.log_ratio)
+    return AutoBrdf(table, s.spread, s.error, s.notes)
+
+
+def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Splines:
     """Raises ReconstructionError for samples too few or too poor."""
     s = clean(samples)
     bounds, s = s[s.saturated], s[~s.saturated]
@@ -129,7 +154,6 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Aut
         """Splines in the logarithm foretell the median; the mean of a lognormal lies sd^2 / 2 above it."""
         return patches(stretch(a)) + np.minimum(known(chart(a)), 1) ** 2 / 2
 
-    table = TabulatedBrdf.of(frame, p.base, p.ratio, stretch.t0, mean_log_ratio)
     notes = {
         "samples": len(s),
         "outliers": int(wrong.sum()),
@@ -140,7 +164,7 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Aut
         "azimuth": stretch.azimuth,
         "elevation": stretch.elevation,
     }
-    return AutoBrdf(table, known, error, notes)
+    return Splines(frame, p.base, p.ratio, stretch.t0, mean_log_ratio, known, error, notes)
 
 
 def chosen_stretch(p: Problem, rng: np.random.Generator) -> Coordinates:

@@ -12,7 +12,7 @@ import numpy as np
 from gonio.geometry import Array, unit
 from gonio.reconstruct.isotropic import elevation, radius, theta_d_of, theta_h_of
 from gonio.reconstruct.lookup import nodes
-from gonio.reconstruct.stretch import GRAZING, GRAZING_AT, RATIO, RATIO_AT
+from gonio.reconstruct.stretch import grazing, ratio, solid_angle
 
 
 @dataclass(frozen=True)
@@ -93,24 +93,14 @@ class GrainStretch:
         """(N, 6)."""
         xi = np.arcsinh(a.theta_h / self.t0)
         s = self.azimuth * np.sin(a.theta_d)
-        return np.stack(
-            [
-                xi * np.cos(a.phi_h),
-                xi * np.sin(a.phi_h),
-                s * np.cos(a.phi_t),
-                s * np.sin(a.phi_t),
-                self.elevation * (a.theta_d - GRAZING * np.log(np.cos(a.theta_d) + GRAZING_AT)),
-                RATIO * np.log((a.cos_o + RATIO_AT) / (a.cos_i + RATIO_AT)),
-            ],
-            1,
-        )
+        sheet = [s * np.cos(a.phi_t), s * np.sin(a.phi_t), self.elevation * grazing(a.theta_d)]
+        return np.stack([xi * np.cos(a.phi_h), xi * np.sin(a.phi_h), *sheet, ratio(a.cos_i, a.cos_o)], 1)
 
     def measure(self, a: GrainAngles) -> Array:
         """|dwi dwo| per volume of the first five coordinates, (N,), up to a factor."""
-        s, c = np.sin(a.theta_d), np.cos(a.theta_d)
-        sheet = self.azimuth * np.hypot(self.azimuth * c, self.elevation * (1 + GRAZING * s / (c + GRAZING_AT)))
         xi = np.maximum(np.arcsinh(a.theta_h / self.t0), 1e-9)
-        return 4 * c * np.sin(a.theta_h) * np.hypot(self.t0, a.theta_h) / xi / sheet
+        around = np.sin(a.theta_h) * np.hypot(self.t0, a.theta_h) / xi
+        return around * solid_angle(a.theta_d, self.azimuth, self.elevation)
 
 
 @dataclass(frozen=True)

@@ -11,53 +11,30 @@ from gonio.reconstruct.auto import Problem, peak_width
 from gonio.reconstruct.clean import clean
 from gonio.reconstruct.frame import Coordinates, Frame
 from gonio.reconstruct.grain import Grain
-from gonio.reconstruct.half_grid import HalfGrid
 from gonio.reconstruct.held_out import EnergyError
 from gonio.reconstruct.isotropic import Isotropic
 from gonio.reconstruct.patches import Patches, left_out
+from gonio.reconstruct.sampled import Sampled
 from gonio.reconstruct.samples import Samples
 
 TESTED = 300
 FLOOR = 0.01
 
 
-class RunningBrdf:
+class RunningBrdf(Sampled):
     """Splines asked directly: right for hundreds of pairs at a time, not for rendering. Not saved."""
 
     def __init__(self, problem: Problem, stretch: Coordinates, energy_error_estimate: float):
         self.problem, self.stretch, self.energy_error_estimate = problem, stretch, energy_error_estimate
+        self.frame, self.t0, self.channels = problem.frame, stretch.t0, problem.g.shape[1]
         self._patches = Patches(stretch(problem.angles), problem.y, problem.variance)
         self._floor = FLOOR * problem.ratio.floor
-        self._sampler: HalfGrid | None = None
 
-    @property
-    def channels(self) -> int:
-        return self.problem.g.shape[1]
-
-    def eval(self, wi: Array, wo: Array) -> Array:
-        wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
-        out = np.zeros((len(wi), self.channels))
-        up = (wi[:, 2] > 0) & (wo[:, 2] > 0)
-        if up.any():
-            p = self.problem
-            a = p.frame.angles(wi[up], wo[up])
-            g = p.ratio.inverse(self._patches(self.stretch(a)), p.base(a))
-            out[up] = np.maximum(g, self._floor) / a.cos_o[:, None]
-        return out
-
-    def sample(self, wi: Array, u: Array) -> tuple[Array, Array]:
-        return self.sampler.sample(wi, u)
-
-    def pdf(self, wi: Array, wo: Array) -> Array:
-        return self.sampler.pdf(wi, wo)
-
-    @property
-    def sampler(self) -> HalfGrid:
-        """Made when first asked for."""
-        if self._sampler is None:
-            azimuths = 8 if isinstance(self.problem.frame, Grain) else 1
-            self._sampler = HalfGrid.of(self.eval, self.stretch.t0, azimuths)
-        return self._sampler
+    def _above(self, wi: Array, wo: Array) -> Array:
+        p = self.problem
+        a = p.frame.angles(wi, wo)
+        g = p.ratio.inverse(self._patches(self.stretch(a)), p.base(a))
+        return np.maximum(g, self._floor) / a.cos_o[:, None]
 
 
 def fit(samples: Samples, *, anisotropic: bool = False) -> RunningBrdf:

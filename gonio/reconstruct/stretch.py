@@ -31,19 +31,24 @@ class Stretch:
     def __call__(self, a: Angles) -> Array:
         """(N, 5)."""
         s = self.azimuth * np.sin(a.theta_d)
-        return np.stack(
-            [
-                np.arcsinh(a.theta_h / self.t0),
-                s * np.cos(a.phi_d),
-                s * np.sin(a.phi_d),
-                self.elevation * (a.theta_d - GRAZING * np.log(np.cos(a.theta_d) + GRAZING_AT)),
-                RATIO * np.log((a.cos_o + RATIO_AT) / (a.cos_i + RATIO_AT)),
-            ],
-            1,
-        )
+        sheet = [s * np.cos(a.phi_d), s * np.sin(a.phi_d), self.elevation * grazing(a.theta_d)]
+        return np.stack([np.arcsinh(a.theta_h / self.t0), *sheet, ratio(a.cos_i, a.cos_o)], 1)
 
     def measure(self, a: Angles) -> Array:
         """|dwi dwo| per volume of the first four coordinates, (N,): a volume becomes solid angles."""
-        s, c = np.sin(a.theta_d), np.cos(a.theta_d)
-        sheet = self.azimuth * np.hypot(self.azimuth * c, self.elevation * (1 + GRAZING * s / (c + GRAZING_AT)))
-        return 4 * c * np.sin(a.theta_h) * np.hypot(self.t0, a.theta_h) / sheet
+        return np.sin(a.theta_h) * np.hypot(self.t0, a.theta_h) * solid_angle(a.theta_d, self.azimuth, self.elevation)
+
+
+def grazing(theta_d: Array) -> Array:
+    """theta_d, longer towards grazing."""
+    return theta_d - GRAZING * np.log(np.cos(theta_d) + GRAZING_AT)
+
+
+def ratio(cos_i: Array, cos_o: Array) -> Array:
+    return RATIO * np.log((cos_o + RATIO_AT) / (cos_i + RATIO_AT))
+
+
+def solid_angle(theta_d: Array, azimuth: float, elevation: float) -> Array:
+    """4 cos(theta_d) |dd| per area of the sheet of d's three coordinates."""
+    s, c = np.sin(theta_d), np.cos(theta_d)
+    return 4 * c / (azimuth * np.hypot(azimuth * c, elevation * (1 + GRAZING * s / (c + GRAZING_AT))))

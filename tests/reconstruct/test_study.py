@@ -63,3 +63,48 @@ def test_psnr_without_the_noise_of_the_renders():
     images = reference + 0.01 + 0.05 * rng.standard_normal(reference.shape)
     assert abs(noise_free_psnr(images, reference, 1.0) - 40) < 1
     assert psnr(images[0], reference[0]) < 27
+
+
+def test_speed_study_measures_cost_and_table(tmp_path):
+    from gonio.bench import reconstruction_speed as study
+
+    lines: list[str] = []
+    config = study.Config(
+        study="reconstruction_speed",
+        material="ggx:0.2",
+        sizes=(300,),
+        materials=("ggx:0.2",),
+        samples=300,
+        brushed=(),
+        pairs=2000,
+    )
+    study.run(config, tmp_path, lines.append)
+    size, table, *_ = json.loads((tmp_path / "rows.json").read_text())
+    assert size["n"] == 300 and size["energy"] < 0.1 and size["seconds"] > 0
+    assert table["table"] < 0.005 and all(0 < s < 1 for s in table["spread"])
+
+
+def test_ablations_change_one_constant_and_put_it_back(tmp_path, monkeypatch):
+    from gonio.bench import ablations
+    from gonio.reconstruct import reconstruct, stretch
+
+    seen = []
+
+    def remember(samples):
+        seen.append(stretch.RATIO)
+        return reconstruct(samples, "ggx")
+
+    monkeypatch.setattr(ablations, "reconstruct", remember)
+    before, lines = stretch.RATIO, []
+    config = ablations.Config(
+        study="ablations",
+        materials=("ggx:0.2",),
+        variants={"none": {"stretch.RATIO": 0.0}},
+        sampler="thesis",
+        measurements=(60,),
+    )
+    ablations.run(config, tmp_path, lines.append)
+    assert seen == [before, 0.0] and stretch.RATIO == before
+    with pytest.raises(KeyError), ablations.changed({"stretch.RATIO": 5.0}):
+        raise KeyError
+    assert stretch.RATIO == before and lines[-1].startswith("mean")
