@@ -31,6 +31,7 @@ from gonio.rig.pending import Pending
 from gonio.rig.plan import Planner
 from gonio.rig.radiometry import Dark, Radiometry
 
+ROUTES = 5  # tried to one pose, where servos stop short of the waypoints of those before
 BRAKING_S = 0.05  # after which arms that were told to stop in full motion are at rest
 
 
@@ -183,19 +184,30 @@ class StagedRig:
         """
         if not self.stage.homed:
             raise SafetyStop(f"rig {self.config.name}: not homed; run `gonio home` before anything moves")
-        start = self.stage.pose()
-        known = straight_from is not None and np.array_equal(start, straight_from)
-        legs = self.approach.legs(start, pose, self._seconds, straight=known)
-        if legs is None:
-            return None
-        at = start
-        for leg in legs:
-            if self._stop.is_set():
-                break
-            if not self.envelope.inside(leg):
-                raise SafetyStop(f"rig {self.config.name}: a pose outside the limits was asked for; not driven there")
-            at = self.stage.move(leg, 2.0 + 1.5 * float(self._seconds(leg - at)))
-        return at
+        at = self.stage.pose()
+        known = straight_from is not None and np.array_equal(at, straight_from)
+        for _ in range(ROUTES):
+            legs = self.approach.legs(at, pose, self._seconds, straight=known)
+            if legs is None:
+                return None
+            known = False
+            for k, leg in enumerate(legs):
+                if self._stop.is_set():
+                    return at
+                if not self.envelope.inside(leg):
+                    raise SafetyStop(
+                        f"rig {self.config.name}: a pose outside the limits was asked for; not driven there"
+                    )
+                if k and not self._still_clear(at, legs[k - 1], leg):
+                    break
+                at = self.stage.move(leg, 2.0 + 1.5 * float(self._seconds(leg - at)))
+            else:
+                return at
+        return None
+
+    def _still_clear(self, at: Array, planned: Array, leg: Array) -> bool:
+        """Whether a leg planned from one pose is clear from where the servos came to rest instead."""
+        return np.array_equal(at, planned) or bool(self.envelope.path_clear(at[None], leg[None])[0])
 
     def _seconds(self, delta: Array) -> Array:
         return move_time(delta, self.planner.velocity, self.planner.acceleration)

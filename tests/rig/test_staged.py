@@ -222,3 +222,34 @@ def test_a_fault_stops_the_motion_that_was_ahead_of_it():
             if rig.levels._since == 1:
                 rig.levels._since = 2
     assert rig.stage.halted.is_set() and log[-1] == "off"
+
+
+def test_stopped_short_of_a_waypoint_the_rest_of_the_way_is_planned_anew():
+    """A leg that is clear from the waypoint need not be from 0.9 degrees beside it."""
+    rig, _ = make()
+    envelope, rng, tried = rig.envelope, np.random.default_rng(3), 0
+    while tried < 5:
+        a, b = (envelope.snap(rng.uniform(envelope.lower, envelope.upper)) for _ in range(2))
+        if not (envelope.separation(np.stack([a, b])) > envelope.stay_out + 0.01).all():
+            continue
+        legs = rig.approach.legs(a, b, rig._seconds)
+        if legs is None or len(legs) == 1:
+            continue
+        beside = envelope.snap(legs[0] + np.radians(rng.uniform(-0.9, 0.9, (50, 4))))
+        outside = envelope.inside(beside) & (envelope.separation(beside) > envelope.stay_out + 0.001)
+        bad = outside & ~envelope.path_clear(beside, np.broadcast_to(legs[1], beside.shape))
+        if not bad.any():
+            continue
+        tried += 1
+        rig.stage.at, ends = a, iter([beside[bad.argmax()]])
+        driven = []
+
+        def move(pose, deadline, rig=rig, ends=ends, driven=driven):
+            driven.append((rig.stage.at, pose))
+            rig.stage.at = next(ends, pose)
+            return rig.stage.at
+
+        rig.stage.move = move
+        assert np.array_equal(rig._go(b), b)
+        starts, goals = (np.array(x) for x in zip(*driven))
+        assert envelope.path_clear(starts, goals).all() and len(driven) >= 3
