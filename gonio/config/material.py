@@ -126,6 +126,10 @@ class Material(Section):
             raise ValueError(
                 f"sampler.target.channels is {channel}, but there are {len(self.channels)} channels (0 is the first)"
             )
+        if self.sampler.adapt == "thesis" and self.sampler.proposal != "flow":
+            raise ValueError("sampler.adapt: `thesis` is a way to train a flow; it needs sampler.proposal: flow")
+        if self.sampler.adapt == "thesis" and self.symmetry == "anisotropic":
+            raise ValueError("sampler.adapt: `thesis` starts from flows of isotropic lobes; use adapt: true")
         if channel == "luminance" and len(self.channels) != 3:
             raise ValueError("sampler.target.channels: luminance needs three channels (linear RGB)")
         if (

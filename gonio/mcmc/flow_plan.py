@@ -34,9 +34,10 @@ class FlowPlan(Auto):
     """See the module's text. `audit` holds one dict for every election."""
 
     def __init__(
-        self, c: FlowConfig, seed: int, *, block: int, anisotropic: bool, fit_surrogate: Callable | None = None
-    ):
-        super().__init__(block=block, anisotropic=anisotropic, adapt=True, fit_surrogate=fit_surrogate)
+        self, c: FlowConfig, seed: int, *, block: int, anisotropic: bool, adapt: bool = True,
+        fit_surrogate: Callable | None = None,
+    ):  # fmt: skip
+        super().__init__(block=block, anisotropic=anisotropic, adapt=adapt, fit_surrogate=fit_surrogate)
         self.config, self.seed, self.anisotropic = c, seed, anisotropic
         self.cube = make_cube(c.coordinates if c.start == "fresh" or anisotropic else "half", c.alpha, anisotropic)
         self.audit: list[dict[str, Any]] = []

@@ -72,7 +72,9 @@ def make_plan(c: SamplerConfig, anisotropic: bool, fit_surrogate: Callable | Non
     if c.proposal == "flow":
         from gonio.mcmc.flow_plan import FlowPlan
 
-        return FlowPlan(c.flow, seed, block=c.block, anisotropic=anisotropic, fit_surrogate=fit_surrogate)
+        return FlowPlan(
+            c.flow, seed, block=c.block, anisotropic=anisotropic, adapt=bool(c.adapt), fit_surrogate=fit_surrogate
+        )
     if c.proposal == "delayed":
         from gonio.mcmc.delayed import Delayed
 

@@ -149,3 +149,27 @@ def test_a_mode_that_the_start_leaves_out_is_found(monkeypatch):
     assert "trained" in [e["chosen"] for e in plan.audit]
     lost, _ = second_mode({"adapt": "thesis", "global_share": 0.02})  # negative control: accepted states alone
     assert lost < 0.2
+
+
+def test_anisotropic_from_nothing():
+    pytest.importorskip("torch", reason="a fresh flow is trained")
+    s = make_sampler(
+        Material.model_validate(
+            {"name": "x", "channels": 1, "symmetry": "anisotropic", "sampler": {"proposal": "flow", "chains": 2}}
+        )
+    )
+    advance(s, 500, Mixture([Lambert(0.1), Ggx(0.1, 0.3, 0.6)]))
+    assert s.plan.density.cube.dimensions == 4
+    assert "trained" in s.plan.audit[-1]
+
+
+@pytest.mark.parametrize(
+    "sampler, symmetry, said",
+    [
+        ({"proposal": "auto", "adapt": "thesis"}, "isotropic", "sampler.proposal: flow"),
+        ({"proposal": "flow", "adapt": "thesis"}, "anisotropic", "isotropic lobes"),
+    ],
+)
+def test_what_cannot_be_is_refused(sampler, symmetry, said):
+    with pytest.raises(ValueError, match=said):
+        Material.model_validate({"name": "x", "symmetry": symmetry, "sampler": sampler})
