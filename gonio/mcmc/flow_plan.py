@@ -26,6 +26,7 @@ from gonio.mcmc.target import Target
 
 FEWEST = 40  # draws below which nothing is fitted
 TRAINED_FROM = 400  # draws from which on all weights are trained, not only the code
+FRESH_FROM = 100  # the same of a flow that knows nothing yet
 EPOCHS, BATCH, MOST_STEPS, RATE = 20, 256, 400, 1e-3
 TRUNCATED = 0.5  # weights are cut at N^0.5 times their mean (Ionides 2008)
 
@@ -84,7 +85,8 @@ class FlowPlan(Auto):
             self.start = flow.at(codes.fit(flow, x, w, None if self.start is None else self.start.code))
         assert self.start is not None
         out["start"] = self.start
-        if self.config.train and len(x) >= TRAINED_FROM and (train := trainer()) is not None:
+        enough = FRESH_FROM if start == "fresh" else TRAINED_FROM
+        if self.config.train and len(x) >= enough and (train := trainer()) is not None:
             best = max(out.values(), key=lambda q: mean_log_prob(q, held_x, held_w))
             steps = min(MOST_STEPS, EPOCHS * len(x) // BATCH)
             rng = np.random.default_rng([self.seed, len(x)])
