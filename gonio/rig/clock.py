@@ -5,6 +5,7 @@ import time
 from typing import Protocol
 
 LEAST_S = 1e-4  # a shorter wait costs the machine more than it lasts
+WAKES_LATE_S = 0.0015  # as whoever really sleeps does; servos count in ms and are there by then
 
 
 class Clock(Protocol):
@@ -58,7 +59,7 @@ class ScaledClock:
     def sleep(self, seconds: float) -> None:
         """Waits of several threads run side by side: the longest counts."""
         if seconds > 0:
-            end = self.now() + seconds
+            end = self.now() + seconds + (WAKES_LATE_S if self.scale > 1 else 0.0)
             if seconds / self.scale > LEAST_S:
                 time.sleep(seconds / self.scale)
             with self._lock:
