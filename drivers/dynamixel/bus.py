@@ -18,7 +18,7 @@ from drivers.dynamixel.tables import STATUS_ERRORS, Register
 from drivers.gone import PortGone, wait_for
 from gonio.rig.errors import DeviceFault
 
-TRIES = 4
+TRIES = 6  # a ping that puts the line in step again takes one of them
 QUIET_S = 0.03  # after a timeout, until the line counts as silent: longer than a USB latency timer of 16 ms
 DAMAGED_S = 0.005  # after a damaged reply: only the rest of it can still come
 ALERT = 0x80
