@@ -10,7 +10,7 @@ from gonio.flow.flow import Flow
 from gonio.geometry import Array
 
 STARTS = 2
-POINTS = 500  # of largest weight, used for one fit
+POINTS = 400  # of largest weight, used for one fit
 STEP = 3e-3
 FARTHEST = 4.0  # standard deviations of the training's codes, along each of their axes
 
@@ -65,7 +65,7 @@ class Codes:
                     jac=True,
                     method="L-BFGS-B",
                     bounds=bounds,
-                    options={"maxiter": 20 if start is None else 8, "ftol": 1e-5},
+                    options={"maxiter": 20 if start is None else 4, "ftol": 1e-5},
                 )
                 for s in starts
             ),

@@ -10,8 +10,7 @@ from gonio.geometry import Array
 from gonio.reconstruct import auto
 from gonio.reconstruct.auto import AutoBrdf
 from gonio.reconstruct.clean import clean
-from gonio.reconstruct.flow import FlowSampler, fit_density
-from gonio.reconstruct.residual import LogRatio
+from gonio.reconstruct.flow import FlowSampler, fit_density, floor_of
 from gonio.reconstruct.samples import Samples
 
 
@@ -48,5 +47,6 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Aut
     s = s[~s.saturated]
     g = np.maximum(s.f, 0) * s.wo[:, 2:3]
     share = np.maximum(g.mean(0), 1e-4 * g.mean(0).max())
-    floor = float((LogRatio.of(g, s.sigma * s.wo[:, 2:3]).floor / share).mean())
-    return AutoFlowBrdf(value, fit_density(s.wi, s.wo, (g / share).mean(1), floor, "half", anisotropic, rng)[0])
+    total = (g / share).mean(1)
+    floor = floor_of(total, s.sigma * s.wo[:, 2:3] / share)
+    return AutoFlowBrdf(value, fit_density(s.wi, s.wo, total, floor, "half", anisotropic, rng)[0])

@@ -140,8 +140,7 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator, coordi
     g = np.maximum(p.g, 0)
     share = np.maximum(g.mean(0), 1e-4 * g.mean(0).max())
     total = (g / share).mean(1)
-    floor = float((p.ratio.floor / share).mean())
-    density, log_c = fit_density(s.wi, s.wo, total, floor, coordinates, anisotropic, rng)
+    density, log_c = fit_density(s.wi, s.wo, total, floor_of(total, p.sigma / share), coordinates, anisotropic, rng)
     t0 = peak_width(p)
     stretch, chart = frame.stretch(t0), frame.chart(t0)
     # the splines see the measured sum, not the flow's: what they hold is colour, whatever the flow is worth
@@ -152,6 +151,11 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator, coordi
     need = above > -0.15
     colour[need] = patches(stretch(nodes.at(need)))
     return FlowBrdf(density, log_c, p.ratio, share, frame, t0, colour.reshape(*chart.coarse, -1))
+
+
+def floor_of(total: Array, sigma: Array) -> float:
+    """What `total` (N,) is noise below: the sigma (N, C) of its dark samples, or a thousandth of its median."""
+    return float(max(1e-3 * np.median(total), np.quantile(sigma.mean(1), 0.1), 1e-9 * total.max()))
 
 
 def fit_density(

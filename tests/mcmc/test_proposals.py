@@ -11,13 +11,17 @@ from gonio.mcmc.delayed import Delayed
 from gonio.mcmc.plans import Fixed, make_plan, plain_proposal
 from gonio.mcmc.proposals.pss_ndf import PssNdf
 from gonio.mcmc.proposals.pss_simple import PssSimple
-from gonio.mcmc.proposals.screened import KEPT, Screened
+from gonio.mcmc.proposals.screened import KEPT, Screened, ratios
 from gonio.mcmc.target import Target
 
 PLAIN = ("pss_simple", "pss_vndf", "vmf_io", "vmf_hd", "independence")
 LEVEL = 1 - (1 - 0.001) ** (1 / 20)  # Sidak: 20 tests share one chance in a thousand of a false alarm
 BRDF = glossy()
 CONFIG = {"sigma": 0.15, "global_share": 0.3, "kappa": 20.0, "alpha": 0.4}
+
+
+def thinned_always(mixtures, log_surrogate, *seen):
+    return mixtures[0], Screened(mixtures[0], log_surrogate, 0.15, ratios(mixtures[0], log_surrogate))
 
 
 def thesis_target():
@@ -56,7 +60,7 @@ def test_auto_reaches_the_target_adapting_or_not(adapt, bins):
 @pytest.mark.parametrize("surrogate", [glossy(0.3), glossy(0.6), glossy(0.05)], ids=["right", "too rough", "too sharp"])
 def test_draws_thinned_by_any_surrogate_reach_the_target(surrogate, bins, monkeypatch):
     """Also by one that the held-out measurements would have refused."""
-    monkeypatch.setattr(auto, "choose", lambda mixture, log_surrogate, *seen: Screened(mixture, log_surrogate, 0.15))
+    monkeypatch.setattr(auto, "choose", thinned_always)
     plan = Auto(block=8, anisotropic=False, fit_surrogate=lambda wi, wo, f: surrogate)
     sampler = run(plan, BRDF, chains=3000, steps=40, seed=11)
     assert plan.independence.screened is not None
@@ -82,7 +86,7 @@ def test_negative_control_thinning_that_the_ratio_forgets_is_found(bins, monkeyp
         return coin < self._thinning(self.log_surrogate(wi, wo) - log_q), log_q
 
     monkeypatch.setattr(Screened, "thinned", forgetful)
-    monkeypatch.setattr(auto, "choose", lambda mixture, log_surrogate, *seen: Screened(mixture, log_surrogate, 0.15))
+    monkeypatch.setattr(auto, "choose", thinned_always)
     plan = Auto(block=8, anisotropic=False, fit_surrogate=lambda wi, wo, f: glossy(0.6))
     assert p_value(run(plan, BRDF, chains=3000, steps=40, seed=11), bins) < 1e-6
 

@@ -27,13 +27,12 @@ POOL = 8192
 class Screened:
     """A density to draw from: log_prob(wi, wo) (up to the error of the estimate of a) and keep(wi, wo, log_q, coin)."""
 
-    def __init__(self, mixture: Mixture, log_surrogate: Callable[[Array, Array], Array], plain: float):
+    def __init__(
+        self, mixture: Mixture, log_surrogate: Callable[[Array, Array], Array], plain: float, log_ratio: Array
+    ):
+        """log_ratio: of surrogate to mixture on draws of the mixture (`ratios`), the same for every `plain`."""
         self.mixture, self.log_surrogate = mixture, log_surrogate
         self.rho = plain * KEPT
-        wi, wo = mixture.sample(np.random.default_rng(0).random((5, POOL)))
-        ok = above_horizon(wi, wo)
-        wi, wo = wi[ok], wo[ok]
-        log_ratio = log_surrogate(wi, wo) - mixture.log_prob(wi, wo)
         self.log_m = _threshold(log_ratio, KEPT)
         self.log_a = float(np.log(np.mean(self._thinning(log_ratio))))
 
@@ -57,9 +56,20 @@ def choose(mixtures: list[Any], log_surrogate, wi: Array, wo: Array, log_p: Arra
     The one whose weights vary least, judged on draws (N,) that neither mixture nor surrogate has seen: the second
     moment of the weights p / g is an average of (p / q)(p / g) over draws of density q.
     """
-    pairs = [(m, s) for m in mixtures for s in (None, *(Screened(m, log_surrogate, plain) for plain in PLAIN))]
+    pairs: list[tuple[Any, Screened | None]] = []
+    for m in mixtures:
+        log_ratio = ratios(m, log_surrogate)
+        pairs += [(m, None), *((m, Screened(m, log_surrogate, plain, log_ratio)) for plain in PLAIN)]
     log_moments = [_log_mean(2 * log_p - log_q - (m if s is None else s).log_prob(wi, wo)) for m, s in pairs]
     return pairs[int(np.argmin(log_moments))]
+
+
+def ratios(mixture, log_surrogate: Callable[[Array, Array], Array]) -> Array:
+    """log of surrogate over mixture, on draws of the mixture."""
+    wi, wo = mixture.sample(np.random.default_rng(0).random((5, POOL)))
+    ok = above_horizon(wi, wo)
+    wi, wo = wi[ok], wo[ok]
+    return log_surrogate(wi, wo) - mixture.log_prob(wi, wo)
 
 
 def _log_mean(x: Array) -> float:
