@@ -43,7 +43,7 @@ class Config(Section):
     steps: int = 6000
     batch: int = 1024
     rate: float = 2e-3
-    hidden: int = 64
+    hidden: int = 96
     bins: int = 24
     couplings: int = 4
     code: int = 8
@@ -97,18 +97,8 @@ def _zoo(config: Config, out: Path, say: Callable[[str], None], rng: np.random.G
 
 
 def shape(config: Config, code: int) -> Shape:
-    cube = make_cube("half", 0.1)
-    return Shape(
-        dimensions=3,
-        leading=cube.leading,
-        periodic=cube.periodic,
-        couplings=config.couplings,
-        bins=config.bins,
-        hidden=config.hidden,
-        warp=config.warp,
-        encoding=config.encoding,
-        code=code,
-    )
+    network = {"couplings": config.couplings, "bins": config.bins, "hidden": config.hidden}
+    return Shape.of(make_cube("half", 0.1), warp=config.warp, encoding=config.encoding, code=code, **network)
 
 
 def save(path: Path, arrays: dict[str, Array]) -> None:

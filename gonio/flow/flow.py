@@ -14,6 +14,7 @@ import numpy as np
 
 from gonio.flow import encoding, one_point
 from gonio.flow.coupling import Coupling
+from gonio.flow.cubes import Cube
 from gonio.flow.quadratic import Quadratic
 from gonio.flow.rational import Rational
 from gonio.geometry import Array
@@ -42,6 +43,11 @@ class Shape:
     warp: str = "quadratic"
     encoding: str = "plain"
     code: int = 0
+
+    @classmethod
+    def of(cls, cube: Cube, **more: Any) -> "Shape":
+        """For the coordinates of a cube."""
+        return cls(dimensions=cube.dimensions, leading=cube.leading, periodic=cube.periodic, **more)
 
     @cached_property
     def masks(self) -> tuple[tuple[int, tuple[int, ...]], ...]:

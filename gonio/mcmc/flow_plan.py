@@ -94,17 +94,9 @@ class FlowPlan(Auto):
         return out
 
     def _fresh_shape(self) -> Shape:
-        cube, c = self.cube, self.config
-        return Shape(
-            dimensions=cube.dimensions,
-            leading=cube.leading,
-            periodic=cube.periodic,
-            couplings=c.couplings,
-            bins=c.bins,
-            hidden=c.hidden,
-            warp=c.warp,
-            encoding=c.encoding,
-        )
+        c = self.config
+        network = {"couplings": c.couplings, "bins": c.bins, "hidden": c.hidden}
+        return Shape.of(self.cube, warp=c.warp, encoding=c.encoding, **network)
 
     @property
     def density(self) -> FlowDensity | None:

@@ -180,10 +180,7 @@ def fit_density(
         except FlowError:
             pass  # the weights that ship are missing or spoilt: begin with nothing
     if start is None:
-        shape = Shape(
-            dimensions=cube.dimensions, leading=cube.leading, periodic=cube.periodic, bins=24, hidden=64,
-            encoding="one_blob",
-        )  # fmt: skip
+        shape = Shape.of(cube, bins=24, hidden=64, encoding="one_blob")
         start = Flow.fresh(shape, rng)
     held = np.arange(len(x)) % HELD_OUT == 0
     flow, log_c = match(start, x, log_g, held, steps=STEPS, rng=rng)
