@@ -42,11 +42,14 @@ def kill_again_and_again(nursery, args, torn, kills, rng) -> list[int]:
     counts, command = [0], [*args, "--out", torn]
     while len(counts) <= kills:
         pid = nursery.start(*command)
+        # no kill may come so late that none is left for the others, however fast the machine
+        share = max(1, (MEASUREMENTS - counts[-1]) // (kills + 2 - len(counts)))
         if len(counts) > 1 and len(counts) % 3 == 0:
-            time.sleep(float(rng.uniform(0, 0.6)))
+            moment = time.monotonic() + float(rng.uniform(0, 0.6))
+            while time.monotonic() < moment and stored(torn) < counts[-1] + share:
+                time.sleep(0.002)
         else:
-            left = MEASUREMENTS - counts[-1]
-            goal = counts[-1] + int(rng.integers(1, max(2, left // (kills + 2 - len(counts)) + 1)))
+            goal = counts[-1] + int(rng.integers(1, share + 1))
             while stored(torn) < goal and not nursery.ended(pid):
                 time.sleep(0.002)
             time.sleep(float(rng.uniform(0, 0.004)))
