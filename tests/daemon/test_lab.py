@@ -9,7 +9,7 @@ import pytest
 
 from tests.daemon.conftest import Daemon
 from tests.daemon.test_daemon import assert_same, contents
-from tests.wire.lab import Lab
+from tests.wire.lab import NAME, Lab
 
 N = 60
 
@@ -23,7 +23,7 @@ def lab(tmp_path):
 
 @pytest.fixture
 def daemon(lab):
-    d = Daemon(lab.yaml, name="lab")
+    d = Daemon(lab.yaml, name=NAME)
     yield d
     d.close()
 
@@ -32,7 +32,7 @@ def daemon(lab):
 def whole(tmp_path_factory):
     """A run that nothing happened to."""
     lab = Lab(tmp_path_factory.mktemp("whole"))
-    daemon = Daemon(lab.yaml, name="lab")
+    daemon = Daemon(lab.yaml, name=NAME)
     try:
         assert ended(daemon, acquire(daemon, lab, "w"))["code"] == 0
         return contents(daemon.runs / "w")
@@ -123,7 +123,7 @@ def test_another_daemon_on_the_same_ports(lab, daemon):
 def test_a_stop_by_request_reaches_the_motors_within_a_tenth_of_a_second(tmp_path):
     """As slow as life. The best of several tries: a busy machine makes any of them slow, and not all of them."""
     lab = Lab(tmp_path, speed=60.0)
-    daemon = Daemon(lab.yaml, name="lab")
+    daemon = Daemon(lab.yaml, name=NAME)
     try:
         times, turn = [], 40
         for _ in range(6):

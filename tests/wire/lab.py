@@ -2,6 +2,7 @@
 
 import datetime as dt
 import json
+import os
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from tests.conftest import ROOT
 WIRE = load_config(ROOT / "configs/rigs/wire.yaml", RigConfig)
 QUIET = PhotodiodeConfig(shot_noise=0, read_noise=0, dark=0)  # a reading follows from the pose alone
 
+# a rig is driven by one process at a time, whatever folder it runs from: each worker of the suite has its own
+NAME = "lab" + os.environ.get("PYTEST_XDIST_WORKER", "")
+
 
 class Lab:
     """`yaml`: the rig's file; `emulators`: what is on its ports. speed: of the axes, in degrees a second."""
@@ -26,7 +30,7 @@ class Lab:
         fast = {"velocity_deg_s": speed, "acceleration_deg_s2": 10 * speed}
         config = WIRE.model_copy(
             update={
-                "name": "lab",
+                "name": NAME,
                 "clock_scale": 1.0,
                 "axes": {k: a.model_copy(update=fast) for k, a in WIRE.axes.items()},
                 "settle_s": 0.0,
@@ -41,7 +45,7 @@ class Lab:
         self.emulators = Emulators(config, Sample(truth, 0.0, 0.0), 1)
         now = dt.datetime.now(dt.UTC)
         gain = (float(np.pi / exposure),) * truth.channels
-        made = RadiometryCalibration(id="radiometry-lab", date=now, rig="lab", gain=gain, gain_sigma=(0.0,) * 3)
+        made = RadiometryCalibration(id="radiometry-lab", date=now, rig=NAME, gain=gain, gain_sigma=(0.0,) * 3)
         real = json.loads(config.model_dump_json(exclude={"clock_scale", "faults"}))
         real |= {
             "depth": "real",
