@@ -66,20 +66,20 @@ class Run:
                     isotropic=material.symmetry == "isotropic",
                 )
         good_enough = GoodEnough(material, store)
-        finish: Callable[[], None] = lambda: None
         try:
             if state := store.kept():
                 rig.restore(state)
             sampler = make_sampler(material, rig.reachable, good_enough.fit_surrogate)
             rig.surrogate = good_enough.expected
-            finish = lambda: note_flow(sampler.plan, store)
             reason = acquire(
                 sampler, rig, store, material, watch=watch, interrupted=interrupted, good_enough=good_enough
             )
+            note_flow(sampler.plan, store)
             store.put("ended", reason)
             store.event("ended", reason)
             return reason
         except Interrupted:
+            note_flow(sampler.plan, store)
             store.event("interrupted", "by the operator")
             raise
         except RigError as e:
@@ -93,7 +93,6 @@ class Run:
         finally:
             rig.surrogate = None
             try:
-                finish()
                 store.commit()
             finally:
                 if not lent:
@@ -169,7 +168,10 @@ def find_truth(material: Material, rig: RigConfig) -> tuple[Brdf | None, str]:
 
 
 def note_flow(plan, store: Store) -> None:
-    """What a plan with a flow decided goes to the record, each election once; its density to flow_density.npz."""
+    """What a plan with a flow decided goes to the record, each election once; its density to flow_density.npz.
+
+    Not after a fault: a resumed run holds the same elections again, and nothing may stand before what went wrong.
+    """
     audit, density = getattr(plan, "audit", None), getattr(plan, "density", None)
     if audit is None:
         return
