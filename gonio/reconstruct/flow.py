@@ -26,11 +26,11 @@ from gonio.reconstruct.auto import Problem, peak_width
 from gonio.reconstruct.clean import clean
 from gonio.reconstruct.frame import Frame
 from gonio.reconstruct.grain import Grain
-from gonio.reconstruct.half_grid import HalfGrid
 from gonio.reconstruct.isotropic import Isotropic
 from gonio.reconstruct.lookup import Lookup
 from gonio.reconstruct.patches import Patches
 from gonio.reconstruct.residual import LogRatio
+from gonio.reconstruct.sampled import Sampled
 from gonio.reconstruct.samples import Samples
 
 LOG_LARGEST = 20.0
@@ -39,7 +39,7 @@ STEPS = 1500
 FIRST_FIT = 600  # samples by which a code is found
 
 
-class FlowBrdf:
+class FlowBrdf(Sampled):
     """The BRDF of `fit`: a flow's density, its constant, and the channels' shares. Sampled by the flow itself."""
 
     kind = "flow"
@@ -48,42 +48,20 @@ class FlowBrdf:
         self, density: FlowDensity, log_c: float, ratio: LogRatio, share: Array, frame: Frame,
         t0: float, colour: Array,
     ):  # fmt: skip
-        self.density, self.log_c = density, log_c
+        self.density, self.log_c, self.channels = density, log_c, len(share)
         self.ratio, self.share, self.frame, self.t0 = ratio, share, frame, t0
         self.chart = frame.chart(t0)
         self.colour = Lookup(colour, self.chart.periodic, self.chart.refine)
-        self._sampler: FlowSampler | HalfGrid | None = None
 
-    @property
-    def channels(self) -> int:
-        return len(self.share)
-
-    def eval(self, wi: Array, wo: Array) -> Array:
-        wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
-        out = np.zeros((len(wi), self.channels))
-        up = (wi[:, 2] > 0) & (wo[:, 2] > 0)
-        if up.any():
-            a = self.frame.angles(wi[up], wo[up])
-            s = np.exp(np.minimum(self.log_c + self.density.log_prob(wi[up], wo[up]), LOG_LARGEST))
-            g = self.ratio.inverse(self.colour(self.chart(a)), s[:, None] * self.share)
-            out[up] = g / a.cos_o[:, None]
-        return out
-
-    def sample(self, wi: Array, u: Array) -> tuple[Array, Array]:
-        return self.sampler.sample(wi, u)
-
-    def pdf(self, wi: Array, wo: Array) -> Array:
-        return self.sampler.pdf(wi, wo)
+    def _above(self, wi: Array, wo: Array) -> Array:
+        a = self.frame.angles(wi, wo)
+        s = np.exp(np.minimum(self.log_c + self.density.log_prob(wi, wo), LOG_LARGEST))
+        return self.ratio.inverse(self.colour(self.chart(a)), s[:, None] * self.share) / a.cos_o[:, None]
 
     @property
     def sampler(self):
         """The flow given wi; a table made when first asked for, where the flow does not know p(wo | wi)."""
-        if self._sampler is None:
-            if self.density.cube.leading:
-                self._sampler = FlowSampler(self.density)
-            else:
-                self._sampler = HalfGrid.of(self.eval, self.t0, azimuths=8 if isinstance(self.frame, Grain) else 1)
-        return self._sampler
+        return FlowSampler(self.density) if self.density.cube.leading else super().sampler
 
     def to_arrays(self) -> dict[str, Array]:
         own = {
