@@ -26,10 +26,8 @@ def width(kind: str, periodic: tuple[bool, ...]) -> int:
 
 
 def features(kind: str, x: Array, periodic: tuple[bool, ...]) -> Array:
-    """(N, width) float32 from x (N, len(periodic)) in [0, 1]."""
-    if kind == "plain" and not any(periodic):
-        return (2 * x - 1).astype(np.float32)
-    return np.concatenate(columns(kind, x, periodic, np, CENTRES), 1).astype(np.float32)
+    """(N, width + 1) float32 from x (N, len(periodic)) in [0, 1]; the last is 1, for the biases."""
+    return np.concatenate([*columns(kind, x, periodic, np, CENTRES), np.ones((len(x), 1))], 1).astype(np.float32)
 
 
 def columns(kind: str, x: Any, periodic: tuple[bool, ...], xp: Any, centres: Any) -> list[Any]:

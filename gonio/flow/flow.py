@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from gonio.flow import encoding, one_point
+from gonio.flow import encoding, lattice, one_point
 from gonio.flow.coupling import Coupling
 from gonio.flow.cubes import Cube
 from gonio.flow.quadratic import Quadratic
 from gonio.flow.rational import Rational
 from gonio.geometry import Array
 
-CHUNK = 512  # points whose activations the processor's cache holds
+CHUNK = 256  # points whose activations the processor's cache holds
 WARPS: dict[str, Any] = {"quadratic": Quadratic, "rational": Rational}
 
 
@@ -190,28 +190,25 @@ class Flow:
         return cls(shape, {k[7:]: v for k, v in d.items() if k.startswith("weight.")}, d.get("code"))
 
     def _coupling(self, k: int, moved: int, given: tuple[int, ...]) -> Coupling:
-        w = self.weights
-        inputs = self.shape.inputs(given)
+        w, inputs = self.weights, self.shape.inputs(given)
         # the code is the same for every point: its part of the first layer is a bias
         bias = w[f"{k}.in.b"] + self.code.astype(np.float32) @ w[f"{k}.in.w"][inputs:]
-        layers = [(w[f"{k}.{i}.w"], w[f"{k}.{i}.b"]) for i in range(2 * self.shape.blocks)]
-        periodic = tuple(d in self.shape.periodic for d in given)
-        columns = list(given)
-        first = w[f"{k}.in.w"][:inputs]
-        c = Coupling(moved, columns, periodic, first, bias, layers, w[f"{k}.out.w"], w[f"{k}.out.b"])
+        layers = [np.vstack([w[f"{k}.{i}.w"], w[f"{k}.{i}.b"]]) for i in range(2 * self.shape.blocks)]
+        first, last = np.vstack([w[f"{k}.in.w"][:inputs], bias]), np.vstack([w[f"{k}.out.w"], w[f"{k}.out.b"]])
+        c = Coupling(moved, list(given), tuple(d in self.shape.periodic for d in given), first, layers, last)
         if not given:
-            c.constant = self._warped(c, c.network(np.zeros((1, 0), np.float32)))
+            c.constant = self._warped(c, c.network(np.ones((1, 1), np.float32)))
         return c
 
     def _shape_of(self, c: Coupling, y: Array):
         if c.constant is not None:
             return c.constant
-        return self._warped(c, c.network(encoding.features(self.shape.encoding, y[:, c.given], c.periodic)))
+        return self._warped(c, lattice.numbers(c, self.shape.encoding, y[:, c.given]))
 
     def _warped(self, c: Coupling, raw: Array):
         tied = c.moved in self.shape.periodic
-        shift = raw[:, -1].astype(float) if tied else None
-        return self._warp(raw[:, :-1] if tied else raw, self.shape.bins, tied), shift
+        shift = raw[-1].astype(float) if tied else None
+        return self._warp(raw[:-1] if tied else raw, self.shape.bins, tied), shift
 
 
 def _inside(x: Array) -> Array:

@@ -33,7 +33,7 @@ def log_prob(couplings: list[Coupling], shape, x: Array) -> float:
 
 def _features(kind: str, given: list[float], periodic: tuple[bool, ...]) -> Array:
     if kind == "plain":
-        return np.array([2 * g - 1 for g in given], np.float32)
+        return np.array([*(2 * g - 1 for g in given), 1.0], np.float32)
     return encoding.features(kind, np.array([given]), periodic)[0]
 
 

@@ -5,12 +5,12 @@ K bins of widths w_k, heights h_k and K + 1 slopes d_k > 0 at the knots.
 
 import numpy as np
 
-from gonio.flow.quadratic import SMALLEST
+from gonio.flow.quadratic import SMALLEST, bin_of, edges
 from gonio.geometry import Array
 
 
 class Rational:
-    """One warp for each of N points, from `raw` (N, 3K + 1), any real numbers; `tied`: the slope closes at 1 ~ 0."""
+    """One warp for each of N points, from `raw` (3K + 1, N), any real numbers; `tied`: the slope closes at 1 ~ 0."""
 
     @staticmethod
     def parameters(bins: int) -> int:
@@ -18,13 +18,12 @@ class Rational:
 
     def __init__(self, raw: Array, bins: int, tied: bool):
         raw = raw.astype(float)
-        self.w = _shares(raw[:, :bins])
-        self.h = _shares(raw[:, bins : 2 * bins])
-        self.d = SMALLEST + np.logaddexp(0.0, raw[:, 2 * bins :])
+        self.w = _shares(raw[:bins])
+        self.h = _shares(raw[bins : 2 * bins])
+        self.d = SMALLEST + np.logaddexp(0.0, raw[2 * bins :])
         if tied:
-            self.d[:, -1] = self.d[:, 0]
-        self.x, self.z = np.cumsum(self.w, 1), np.cumsum(self.h, 1)
-        self.last = bins - 1
+            self.d[-1] = self.d[0]
+        self.x, self.z = edges(self.w), edges(self.h)
 
     def forward(self, x: Array) -> tuple[Array, Array]:
         """z and log dz/dx at x (N,) in [0, 1]."""
@@ -45,24 +44,17 @@ class Rational:
         t = np.clip(-2 * c / (b + np.sqrt(np.maximum(b * b - 4 * a * c, 0.0))), 0.0, 1.0)
         return np.minimum(left_x + t * w, 1.0), _log_slope(t, s, d0, d1)
 
-    def _bin(self, y: Array, edges: Array) -> tuple[Array, ...]:
-        at = np.arange(len(y)) if len(self.w) > 1 else 0
-        k = np.add.reduce(edges[:, : self.last] <= y[:, None], 1)
-        before, inner = k - 1, k > 0
-        return (
-            self.w[at, k],
-            self.h[at, k],
-            self.d[at, k],
-            self.d[at, k + 1],
-            self.x[at, before] * inner,
-            self.z[at, before] * inner,
-        )
+    def _bin(self, y: Array, inner: Array) -> tuple[Array, ...]:
+        k = bin_of(y, inner)
+        at = np.arange(len(y)) if self.w.shape[1] > 1 else 0
+        w, h, d0, d1 = self.w[k, at], self.h[k, at], self.d[k, at], self.d[k + 1, at]
+        return w, h, d0, d1, self.x[k, at], self.z[k, at]
 
 
 def _shares(raw: Array) -> Array:
     """Widths of sum 1, none below SMALLEST."""
-    e = np.exp(raw - raw.max(1, keepdims=True))
-    return SMALLEST + (1 - raw.shape[1] * SMALLEST) * e / e.sum(1, keepdims=True)
+    e = np.exp(raw - raw.max(0))
+    return SMALLEST + (1 - len(raw) * SMALLEST) * e / e.sum(0)
 
 
 def _log_slope(t: Array, s: Array, d0: Array, d1: Array) -> Array:

@@ -12,7 +12,7 @@ import torch
 
 from gonio.flow import encoding
 from gonio.flow.flow import Flow, FlowError, Shape
-from gonio.flow.quadratic import SMALLEST
+from gonio.flow.quadratic import SMALLEST, Quadratic
 from gonio.geometry import Array
 
 CLIP = 5.0  # of the gradient's norm
@@ -191,24 +191,18 @@ def log_prob(p: dict[str, torch.Tensor], shape: Shape, x: torch.Tensor, code: to
     return total
 
 
-def quadratic(x: torch.Tensor, raw: torch.Tensor, bins: int, tied: bool) -> tuple[torch.Tensor, torch.Tensor]:
-    """`gonio.flow.quadratic` at x (N,): z and log dz/dx."""
-    w = SMALLEST + (1 - bins * SMALLEST) * torch.softmax(raw[:, :bins], 1).double()
-    e = raw[:, bins:]
-    e = torch.exp(e - e.amax(1, keepdim=True)).double()
-    if tied:
-        e = torch.cat([e[:, :-1], e[:, :1]], 1)
-    mean = e[:, 1:] + e[:, :-1]
-    v = SMALLEST + e * (2 * (1 - SMALLEST) / (mean * w).sum(1, keepdim=True))
-    edges = torch.cumsum(w, 1)
-    k = (edges[:, :-1] <= x[:, None]).sum(1, keepdim=True)
-    wk, v0, v1 = (a.gather(1, i).squeeze(1) for a, i in ((w, k), (v, k), (v, k + 1)))
-    left_x = edges.gather(1, k).squeeze(1) - wk
-    t = ((x - left_x) / wk).clamp(0, 1)
-    areas = 0.5 * w * (v[:, 1:] + v[:, :-1])
-    left_z = (torch.cumsum(areas, 1).gather(1, k) - areas.gather(1, k)).squeeze(1)
-    slope = v0 + t * (v1 - v0)
-    return (left_z + 0.5 * t * wk * (v0 + slope)).clamp(0, 1), torch.log(slope)
+class _Quadratic(torch.autograd.Function):
+    """`gonio.flow.quadratic` at x (N,): z and log dz/dx, with the gradients it gives itself."""
+
+    @staticmethod
+    def forward(ctx: Any, x: torch.Tensor, raw: torch.Tensor, bins: int, tied: bool) -> tuple[torch.Tensor, ...]:
+        ctx.x, ctx.warp = x.numpy(), Quadratic(np.ascontiguousarray(raw.numpy().T), bins, tied)
+        return tuple(torch.from_numpy(a) for a in ctx.warp.forward(ctx.x))
+
+    @staticmethod
+    def backward(ctx: Any, *by: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
+        by_x, by_raw = ctx.warp.gradient(ctx.x, by[0].numpy(), by[1].numpy())
+        return torch.from_numpy(by_x), torch.from_numpy(by_raw.T.astype(np.float32, order="C")), None, None
 
 
 def rational(x: torch.Tensor, raw: torch.Tensor, bins: int, tied: bool) -> tuple[torch.Tensor, torch.Tensor]:
@@ -231,7 +225,7 @@ def rational(x: torch.Tensor, raw: torch.Tensor, bins: int, tied: bool) -> tuple
     return z.clamp(0, 1), torch.log(up) - 2 * torch.log(down)
 
 
-WARPS = {"quadratic": quadratic, "rational": rational}
+WARPS = {"quadratic": _Quadratic.apply, "rational": rational}
 
 
 def _usable(x: Array, weight: Array | None) -> tuple[Array, Array]:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from gonio.flow import lattice
 from gonio.flow.cubes import make_cube
 from gonio.flow.density import FlowDensity
 from gonio.flow.flow import Flow, FlowError, Shape
@@ -43,6 +44,17 @@ def test_round_trip_both_ways(name):
     assert apart.max() < 1e-9
     assert np.abs(again - there).max() < 1e-5
     assert ((z >= 0) & (z <= 1) & (back >= 0) & (back <= 1)).all()
+
+
+@pytest.mark.parametrize("name", ["thesis", "leading"])
+def test_round_trip_where_float32_rounds_either_way(name, monkeypatch):
+    f = wild(SHAPES[name])
+    nodes = np.random.default_rng(6).integers(0, lattice.FINENESS, (4000, 3))
+    x = (nodes + 0.5) / lattice.FINENESS
+    apart = lambda: np.abs(f.from_base(f.to_base(x)[0])[0] - x).max()
+    assert apart() < 1e-9
+    monkeypatch.setattr(lattice, "NEAR", 0.0)  # negative control: with steps, a neighbour's warp leads back
+    assert apart() > 1e-9
 
 
 @pytest.mark.parametrize("name", SHAPES)

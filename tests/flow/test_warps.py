@@ -10,7 +10,7 @@ WARPS = [Quadratic, Rational]
 
 
 def raw(warp, n=2000, bins=32, seed=1, scale=2.0):
-    return (scale * np.random.default_rng(seed).standard_normal((n, warp.parameters(bins)))).astype(np.float32)
+    return (scale * np.random.default_rng(seed).standard_normal((warp.parameters(bins), n))).astype(np.float32)
 
 
 def points(n, seed=2):
@@ -21,7 +21,7 @@ def points(n, seed=2):
 
 def test_quadratic_by_hand():
     # two bins of equal width; heights 1 : 3 : 1 before normalisation, so areas 1/2 and 1/2, heights 0.5, 1.5, 0.5
-    raw = np.log(np.array([[1.0, 1.0, 1.0, 3.0, 1.0]]))
+    raw = np.log(np.array([[1.0, 1.0, 1.0, 3.0, 1.0]])).T
     w = Quadratic(raw, 2, False)
     x = np.array([0.25])
     z, log_slope = w.forward(x)
@@ -32,7 +32,7 @@ def test_quadratic_by_hand():
 
 def test_rational_of_equal_bins_and_slopes_is_the_identity():
     one = np.log(np.expm1(1 - SMALLEST))  # softplus^-1
-    w = Rational(np.array([[0.0] * 8 + [one] * 5]), 4, False)
+    w = Rational(np.array([[0.0] * 8 + [one] * 5]).T, 4, False)
     z, log_slope = w.forward(np.array([0.3]))
     assert z[0] == pytest.approx(0.3, abs=1e-12)
     assert log_slope[0] == pytest.approx(0, abs=1e-12)
@@ -59,6 +59,28 @@ def test_slope_is_the_derivative(warp):
     numeric = (w.forward(x + step)[0] - w.forward(x - step)[0]) / (2 * step)
     error = np.abs(np.log(numeric) - w.forward(x)[1])
     assert np.quantile(error, 0.99) < 1e-4  # a knot between x - step and x + step is the rest
+
+
+@pytest.mark.parametrize("tied", [False, True])
+def test_quadratic_gradient_is_that_of_differences(tied):
+    n, bins = 200, 6
+    a, x = raw(Quadratic, n, bins, scale=1.0).astype(float), 0.001 + 0.998 * np.random.default_rng(3).random(n)
+    by_z, by_log = np.random.default_rng(4).standard_normal((2, n))
+
+    def loss(a, x):
+        z, log_slope = Quadratic(a, bins, tied).forward(x)
+        return by_z * z + by_log * log_slope
+
+    step = 1e-6
+    by_x, by_raw = Quadratic(a, bins, tied).gradient(x, by_z, by_log)
+    numeric = (loss(a, x + step) - loss(a, x - step)) / (2 * step)
+    assert np.quantile(np.abs(by_x - numeric) / (1 + np.abs(numeric)), 0.98) < 1e-5  # knots within the step: the rest
+    for j in range(len(a)):
+        moved = np.zeros_like(a)
+        moved[j] = step
+        numeric = (loss(a + moved, x) - loss(a - moved, x)) / (2 * step)
+        assert np.quantile(np.abs(by_raw[j] - numeric), 0.98) < 1e-6
+    assert np.abs(by_raw).max() > 0.1  # negative control: there was something to find
 
 
 def test_the_textbook_root_fails_where_ours_does_not():
