@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gonio.config.loader import ConfigError
+from gonio.config.fit import refuse_misfit
 from gonio.config.material import Material
 from gonio.config.rig import RigConfig
 from gonio.geometry import Array
@@ -18,9 +18,7 @@ def plan_text(material: Material, rig: RigConfig) -> str:
 
     Raises ConfigError where material and rig do not fit.
     """
-    if rig.channels not in (None, len(material.channels)):
-        given = f"{material.name} has {len(material.channels)}, the camera of rig {rig.name} {rig.channels}"
-        raise ConfigError(f"channels: {given}; name its planes in camera.channels")
+    refuse_misfit(material, rig)
     c, target = material.sampler, material.sampler.target
     isotropic = material.symmetry == "isotropic"
     envelope = envelope_of(rig)

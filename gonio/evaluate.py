@@ -3,6 +3,7 @@
 Over nine incidence angles 5 ... 80 degrees and all channels, with f^ the BRDF judged and f the truth:
 
     energy    integral |f^ - f| cos(theta_o) dwo / integral f cos(theta_o) dwo: energy in the wrong place or amount
+              (its median, mean and max; energy_worst_channel is the largest mean of one channel)
     bright    integral f^ cos / integral f cos: below 1 too dark, above 1 too bright
     log       mean |ln((f^ cos + e) / (f cos + e))| over directions uniform in solid angle, e = 1e-3 of the mean f cos
     grazing   energy at 80 degrees
@@ -65,6 +66,7 @@ def evaluate(brdf: Brdf, truth: Brdf, n: int = 4000, seed: int = 7) -> dict[str,
         "energy_median": float(np.median(table)),
         "energy_mean": float(table.mean()),
         "energy_max": float(table.max()),
+        "energy_worst_channel": float(table.mean(0).max()),
         "grazing": float(table[-1].mean()),
         "bright_min": float(np.min(bright)),
         "bright_max": float(np.max(bright)),

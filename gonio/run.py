@@ -19,6 +19,7 @@ import gonio
 from gonio.acquire import Interrupted, Progress, acquire
 from gonio.brdf import Brdf
 from gonio.config import ConfigError, Material
+from gonio.config.fit import refuse_misfit
 from gonio.config.loader import Section, parse_config
 from gonio.config.rig import RigConfig
 from gonio.mcmc import make_sampler
@@ -112,10 +113,18 @@ class Run:
 
 
 def start(material: Material, rig: RigConfig, out: str | os.PathLike[str] | None = None) -> Run:
-    """A new run folder, nothing measured yet. out = None: runs/<material>/<UTC stamp>-<short id>."""
+    """A new run folder, nothing measured yet. out = None: runs/<material>/<UTC stamp>-<short id>.
+
+    Raises ConfigError, FlowError before there is a folder.
+    """
+    refuse_misfit(material, rig)
     truth, origin = find_truth(material, rig)
     if truth is not None and truth.channels != len(material.channels):
         raise ConfigError(f"channels: {len(material.channels)} named, but the truth ({origin}) has {truth.channels}")
+    if material.sampler.flow.weights is not None:
+        from gonio.flow import shipped
+
+        shipped.conditional(material.sampler.flow.weights)
     if out is None:
         stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
         out = Path("runs") / material.name / f"{stamp}-{secrets.token_hex(2)}"

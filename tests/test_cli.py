@@ -120,6 +120,8 @@ def test_other_models(run, tmp_path, model):
         (["acquire", "analytic_gloss", "--rig", "no_rig"], ["no_rig", "sim"]),
         (["acquire", "analytic_gloss", "--set", "channels=2"], ["channels"]),
         (["acquire", "analytic_gloss", "--set", "budget.measurements=-1"], ["budget.measurements"]),
+        (["acquire", "analytic_gloss", "--set", "sampler.flow.weights=none.npz"], ["none.npz", "bench pretrain"]),
+        (["acquire", "analytic_gloss", "--set", "channels=[L]", "--rig", "camera"], ["channels", "has 1, the camera"]),
         (["acquire"], ["Usage", "config"]),
         (["resume", "nowhere"], ["nowhere"]),
         (["reconstruct", "nowhere"], ["nowhere"]),

@@ -16,7 +16,6 @@ from gonio.config.loader import Section
 from gonio.flow import shipped
 from gonio.flow.cubes import make_cube
 from gonio.flow.density import FlowDensity
-from gonio.flow.material_code import Codes
 from gonio.flow.pool import divergence, resampled, weighted
 from gonio.mcmc.proposals.independence import Mixture
 
@@ -33,11 +32,7 @@ class Config(Section):
 
 
 def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
-    if config.weights is None:
-        flow, codes = shipped.conditional()
-    else:
-        flow, d = shipped.load_flow(config.weights)
-        codes = Codes(d["codes"])
+    flow, codes = shipped.conditional(config.weights)
     cube = make_cube("half", 0.1)
     heads = (f"{config.samples} draws", f"{20 * config.samples} draws", "run, code", "run, lobes")
     say(f"{'KL in nats':34}" + "".join(f"{h:>14}" for h in heads))
@@ -50,9 +45,9 @@ def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
             draws = resampled(x, log_w, count, rng)
             fitted = flow.at(codes.fit(flow, draws, np.ones(count)))
             row.append(divergence(FlowDensity(fitted, cube), cube, x, log_w))
-        section = {"proposal": "flow", "flow": {"train": False}}
+        section = {"proposal": "flow", "flow": {"train": False, "weights": config.weights}}
         _, sampler = driven_by(brdf, section, config.samples, seed=1)
-        row.append(divergence(sampler.plan.density, cube, x, log_w) if config.weights is None else np.nan)
+        row.append(divergence(sampler.plan.density, cube, x, log_w))
         _, sampler = driven_by(brdf, {"proposal": "auto"}, config.samples, seed=1)
         row.append(divergence(Mixture(sampler.plan.dictionary, sampler.plan.shares), cube, x, log_w))
         table.append(row)

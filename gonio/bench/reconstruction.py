@@ -2,9 +2,9 @@
 
 One run per material, of the largest N, by the sampler of the study; its first N measurements are the samples for each
 smaller N. Noise: sigma^2 = (relative f)^2 + (read / cos theta_i)^2, a half percent and 1e-4 of a white surface's 1/pi
-unless told otherwise. The figures are the referee's (`gonio.evaluate`); "estimate" is the reconstruction's own error
-estimate over the true error, "inside" the share of true values within one of its standard deviations, at the thousand
-measurements that come after those used.
+unless told otherwise. The figures are the referee's (`gonio.evaluate`), "channel" the worst channel's energy.
+"estimate" is the reconstruction's own error estimate over the true error; "inside" the share of true values within one
+of its standard deviations, at the thousand measurements that come after those used.
 """
 
 import json
@@ -53,7 +53,7 @@ class Config(Section):
 
 def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
     say(
-        f"{'material':28}{'model':10}{'noise':7}{'N':>8}{'energy':>9}{'grazing':>9}{'bright':>14}{'log':>8}"
+        f"{'material':28}{'model':10}{'noise':7}{'N':>8}{'energy':>9}{'channel':>9}{'grazing':>9}{'bright':>14}{'log':>8}"
         f"{'estimate':>10}{'inside':>8}{'CPU s':>7}"
     )
     rows: list[dict] = []
@@ -127,7 +127,8 @@ def _line(row: dict) -> str:
         return head + "  refused: " + row["refused"]
     bright = f"{row['bright_min']:.3f}…{row['bright_max']:.3f}"
     more = f"{row['estimate']:10.2f}{row['inside']:8.2f}" if "estimate" in row else f"{'–':>10}{'–':>8}"
-    figures = f"{row['energy_mean']:9.4f}{row['grazing']:9.4f}{bright:>14}{row['log']:8.3f}"
+    energy = f"{row['energy_mean']:9.4f}{row['energy_worst_channel']:9.4f}"
+    figures = f"{energy}{row['grazing']:9.4f}{bright:>14}{row['log']:8.3f}"
     return head + figures + more + f"{row['seconds']:7.1f}"
 
 

@@ -33,6 +33,7 @@ class FlowConfig(Section):
     start: Literal["code", "zoo", "fresh"] = Field(
         "code", description="code: one flow over many materials, its code fitted; zoo: by GGX roughness; fresh: nothing"
     )
+    weights: str | None = Field(None, description="file of another conditional flow, as `gonio bench pretrain` writes")
     train: bool = Field(True, description="train all weights too, not only the code (needs the extra `flow`: torch)")
     epsilon: float = Field(0.02, gt=0, lt=1, description="share of draws even in the cube, whatever is learnt")
     coordinates: Literal["half", "vndf", "flat", "raw"] = Field("half", description="of a fresh flow")

@@ -46,10 +46,13 @@ def zoo() -> tuple[tuple[str, Flow], ...]:
     return tuple((p.stem, load_flow(p)[0]) for p in found)
 
 
-@lru_cache(maxsize=1)
-def conditional() -> tuple[Flow, Codes]:
-    """The flow over many materials and the codes of those it was trained on. Raises FlowError."""
-    path = FOLDER / "code.npz"
+@lru_cache(maxsize=4)
+def conditional(path: str | None = None) -> tuple[Flow, Codes]:
+    """The flow over many materials and the codes of those it was trained on; of a file, or the one that ships.
+
+    Raises FlowError where the file is spoilt.
+    """
+    path = path or str(FOLDER / "code.npz")
     flow, d = load_flow(path)
     codes = d.get("codes")
     if codes is None or codes.ndim != 2 or codes.shape[1] != flow.shape.code or not np.isfinite(codes).all():

@@ -41,6 +41,8 @@ class FlowPlan(Auto):
         super().__init__(block=block, anisotropic=anisotropic, adapt=adapt, fit_surrogate=fit_surrogate)
         self.config, self.seed, self.anisotropic = c, seed, anisotropic
         self.cube = make_cube(c.coordinates if c.start == "fresh" or anisotropic else "half", c.alpha, anisotropic)
+        if c.weights is not None:
+            shipped.conditional(c.weights)  # raises FlowError before the rig moves, not at the first election
         self.audit: list[dict[str, Any]] = []
         self.start: Flow | None = None
         self.live: Flow | None = None
@@ -81,7 +83,7 @@ class FlowPlan(Auto):
         if start == "fresh" and self.start is None:
             self.start = Flow.fresh(self._fresh_shape(), np.random.default_rng(self.seed))
         if start == "code":
-            flow, codes = shipped.conditional()
+            flow, codes = shipped.conditional(self.config.weights)
             self.start = flow.at(codes.fit(flow, x, w, None if self.start is None else self.start.code))
         assert self.start is not None
         out["start"] = self.start

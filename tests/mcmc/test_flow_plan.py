@@ -83,7 +83,7 @@ def test_a_useless_flow_gets_no_share():
 
 
 def test_spoilt_weights_fall_back_to_auto_and_say_so(monkeypatch):
-    def spoilt():
+    def spoilt(path):
         raise FlowError("code.npz: not a flow's weights; make them with `gonio bench pretrain`")
 
     monkeypatch.setattr(shipped, "conditional", spoilt)
@@ -92,6 +92,24 @@ def test_spoilt_weights_fall_back_to_auto_and_say_so(monkeypatch):
         assert np.array_equal(wi, vi)  # the very chain `auto` would have made
     assert s.plan.audit and all(e["chosen"] == "none" and "code.npz" in e["why"] for e in s.plan.audit)
     assert s.plan.density is None
+
+
+def test_a_flow_of_ones_own_is_used(tmp_path):
+    own = tmp_path / "own.npz"
+    with np.load(shipped.FOLDER / "code.npz") as d:
+        arrays = {k: d[k] for k in d.files}
+    np.savez(own, **arrays)
+    runs = {}
+    for name, weights in (("ships", None), ("copy", str(own)), ("other", str(tmp_path / "other.npz"))):
+        if name == "other":  # negative control: with other weights it is another chain
+            np.savez(weights, **{k: v * 0.9 if k.startswith("weight.") else v for k, v in arrays.items()})
+        runs[name] = np.concatenate(
+            [wi for wi, _ in advance(sampler({**CODE, "flow": {**CODE["flow"], "weights": weights}}), 400)]
+        )
+    assert np.array_equal(runs["ships"], runs["copy"])
+    assert not np.array_equal(runs["ships"], runs["other"])
+    with pytest.raises(FlowError, match="no codes of 0 numbers"):
+        sampler({**CODE, "flow": {"weights": str(shipped.FOLDER / "ggx_0.1.npz")}})
 
 
 @pytest.mark.parametrize("proposal", ["auto", "flow"])

@@ -1,0 +1,12 @@
+"""Whether a material's config and a rig's fit together."""
+
+from gonio.config.loader import ConfigError
+from gonio.config.material import Material
+from gonio.config.rig import RigConfig
+
+
+def refuse_misfit(material: Material, rig: RigConfig) -> None:
+    """Raises ConfigError where the rig's detector has another number of channels than the material names."""
+    if rig.channels not in (None, len(material.channels)):
+        given = f"{material.name} has {len(material.channels)}, the camera of rig {rig.name} {rig.channels}"
+        raise ConfigError(f"channels: {given}; name its planes in camera.channels")
