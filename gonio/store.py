@@ -10,7 +10,6 @@ answers it got, so that telling it the stored answers again makes it the chain i
 """
 
 import contextlib
-import fcntl
 import json
 import os
 import sqlite3
@@ -24,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gonio.geometry import Array
+from gonio.run_folder import StoreError, connect, explained, remove, take_lock
 
 FORMAT = 1
 RIG = "rig."  # keys of the rig's state in `meta`
@@ -48,12 +48,6 @@ CREATE TABLE steps (
 ) WITHOUT ROWID;
 CREATE TABLE events (wall_s REAL, kind TEXT, text TEXT);
 """
-
-
-class StoreError(Exception):
-    """A run folder that cannot be used or written: which, why, what to do. One line; exit code 2."""
-
-    exit_code = 2
 
 
 @dataclass(frozen=True)
@@ -108,16 +102,16 @@ class Store:
         except OSError as e:
             raise StoreError(f"{folder}: {e.strerror}; name another folder with --out") from None
         try:
-            with _explained(folder):
-                lock = _take_lock(folder)
+            with explained(folder):
+                lock = take_lock(folder)
                 (folder / "config.yaml").write_text(config_yaml)
-                db = _connect(folder / "run.sqlite", power_safe)
+                db = connect(folder / "run.sqlite", power_safe)
                 db.executescript(SCHEMA)
                 meta = {"format": FORMAT, "provenance": provenance, "ended": ""}
                 db.executemany("INSERT INTO meta VALUES (?, ?)", [(k, json.dumps(v)) for k, v in meta.items()])
                 db.commit()
         except StoreError:
-            _remove(folder, made)  # nothing half-written
+            remove(folder, made)  # nothing half-written
             raise
         store = cls(folder, db, lock, commit_interval)
         store._made = made
@@ -132,10 +126,10 @@ class Store:
         path = folder / "run.sqlite"
         if not path.is_file():
             raise StoreError(f"{folder}: not a run folder (no run.sqlite in it); name one that `gonio acquire` made")
-        with _explained(folder):
-            lock = _take_lock(folder) if write else None
+        with explained(folder):
+            lock = take_lock(folder) if write else None
             try:
-                db = _connect(path, power_safe)
+                db = connect(path, power_safe)
                 found = json.loads(db.execute("SELECT value FROM meta WHERE key = 'format'").fetchone()[0])
             except BaseException:
                 if lock is not None:
@@ -202,7 +196,7 @@ class Store:
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
         """A measurement and the rig's state go together: where one cannot be written, neither is."""
-        with _explained(self.folder):
+        with explained(self.folder):
             try:
                 yield
             except sqlite3.Error:
@@ -218,18 +212,18 @@ class Store:
     # ---- reading ---------------------------------------------------------------------------------------------------
 
     def get(self, key: str, default: Any = None) -> Any:
-        with _explained(self.folder):
+        with explained(self.folder):
             row = self._db.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
         return default if row is None else json.loads(row[0])
 
     def kept(self) -> dict[str, Any]:
         """The rig's state, as kept last; empty where there is none."""
-        with _explained(self.folder):
+        with explained(self.folder):
             rows = self._db.execute("SELECT key, value FROM meta WHERE key GLOB ?", (RIG + "*",)).fetchall()
         return {key.removeprefix(RIG): json.loads(value) for key, value in rows}
 
     def measured(self) -> Measured:
-        with _explained(self.folder):
+        with explained(self.folder):
             rows = self._db.execute(
                 "SELECT id, asked, seen, f, sigma, saturated, rig_s, wall_s FROM measurements ORDER BY id"
             ).fetchall()
@@ -242,13 +236,13 @@ class Store:
 
     def raw(self) -> list[dict[str, Any]]:
         """What the detector itself said of each measurement, in the order of their making; empty where nothing."""
-        with _explained(self.folder):
+        with explained(self.folder):
             rows = self._db.execute("SELECT raw FROM measurements ORDER BY wall_s, rowid").fetchall()
         return [json.loads(text) if text else {} for (text,) in rows]
 
     def steps(self) -> dict[str, NDArray]:
         """Columns of the step log, ordered by chain and step; `proposed` (N, 6) is NaN for measured ones."""
-        with _explained(self.folder):
+        with explained(self.folder):
             rows = self._db.execute(
                 f"SELECT {', '.join(STEP_COLUMNS)}, proposed FROM steps ORDER BY chain, step"
             ).fetchall()
@@ -260,7 +254,7 @@ class Store:
         return out
 
     def events(self) -> list[tuple[float, str, str]]:
-        with _explained(self.folder):
+        with explained(self.folder):
             return self._db.execute("SELECT wall_s, kind, text FROM events ORDER BY rowid").fetchall()
 
     def wall_s(self) -> float:
@@ -283,8 +277,8 @@ class Store:
         """Of a run just created: no folder of it is left. One that was there before is closed and stays."""
         self.close()
         if self._made is not None:
-            with _explained(self.folder):
-                _remove(self.folder, self._made)
+            with explained(self.folder):
+                remove(self.folder, self._made)
 
     def __enter__(self) -> "Store":
         return self
@@ -296,49 +290,3 @@ class Store:
 def _numbers(blobs: Sequence[bytes], empty_width: int) -> Array:
     """Rows of float64 from blobs of equal length."""
     return np.frombuffer(b"".join(blobs)).reshape(len(blobs), -1) if blobs else np.empty((0, empty_width))
-
-
-def _connect(path: Path, power_safe: bool) -> sqlite3.Connection:
-    db = sqlite3.connect(path, timeout=5, check_same_thread=False)
-    db.execute("PRAGMA journal_mode=WAL")
-    db.execute(f"PRAGMA synchronous={'FULL' if power_safe else 'NORMAL'}")
-    return db
-
-
-def _take_lock(folder: Path) -> int:
-    """One writer a run: an advisory lock that dies with its process, however that ends."""
-    fd = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(fd)
-        raise StoreError(f"{folder}: in use by another process; wait for it or stop it, then try again") from None
-    return fd
-
-
-@contextlib.contextmanager
-def _explained(folder: Path) -> Iterator[None]:
-    try:
-        yield
-    except sqlite3.OperationalError as e:
-        cause = str(e)
-        remedy = (
-            "free some space, then `gonio resume` goes on with what was stored"
-            if "full" in cause or "I/O" in cause
-            else "check the folder"
-        )
-        raise StoreError(f"{folder}/run.sqlite: {cause}; {remedy}") from None
-    except (sqlite3.DatabaseError, TypeError, json.JSONDecodeError) as e:
-        raise StoreError(f"{folder}/run.sqlite: damaged or not a run ({e}); restore it from a copy") from None
-    except OSError as e:
-        raise StoreError(f"{folder}: {e.strerror}; check space and permissions") from None
-
-
-def _remove(folder: Path, made: Sequence[Path]) -> None:
-    """The folder, and those above it that were made for it and are empty again."""
-    for path in folder.iterdir():
-        path.unlink()
-    folder.rmdir()
-    with contextlib.suppress(OSError):
-        for parent in made:
-            parent.rmdir()

@@ -24,6 +24,7 @@ HOUSE = [
     {"gonio.evaluate"},
     {"gonio.progress"},
     {"gonio.store"},
+    {"gonio.run_folder"},
     {"gonio.reconstruct"},
     {"gonio.mcmc"},
     {"gonio.flow"},

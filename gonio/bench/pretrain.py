@@ -1,7 +1,8 @@
 """Pretraining of the flows that ship: the zoo of GGX roughnesses, and one conditional flow over many materials.
 
     gonio bench pretrain                  what ships: RGL tables, networks of RGL materials, random lobes
-    gonio bench pretrain --set networks=all   for studies: every network but those kept for validation, no table
+    gonio bench pretrain --set networks=all --set 'tables=[]' --set 'zoo=[]'       every network but those kept
+    gonio bench pretrain --set networks=strange --set 'tables=[]' --set 'zoo=[]'   nothing of the 12 measured tables
 
 The draws are of the sampler's default target (largest channel over its albedo, a tenth of the draws from the floor).
 """
@@ -29,11 +30,14 @@ KEPT = 20  # networks for validation
 
 
 class Config(Section):
-    """networks `rgl`: those of RGL materials; `all`: of every source. tables, zoo: names and roughnesses."""
+    """networks `rgl`: those of RGL materials; `all`: of every source; `strange`: of no material that has a table.
+
+    Those kept for validation are in none. tables, zoo: names and roughnesses.
+    """
 
     study: Literal["pretrain"]
     archive: str
-    networks: Literal["rgl", "all", "none"] = "rgl"
+    networks: Literal["rgl", "all", "strange", "none"] = "rgl"
     tables: tuple[str, ...] = ()
     zoo: tuple[float, ...] = ()
     lobes: int = 150
@@ -57,10 +61,7 @@ def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
     if config.zoo:
         _zoo(config, out, say, rng)
     names = list(config.tables)
-    if config.networks != "none":
-        kept = set(validation(config.archive))
-        wanted = [n for n in names_of(config.archive) if n not in kept]
-        names += [f"{config.archive}:{n}" for n in wanted if config.networks == "all" or n.startswith("rgl")]
+    names += [f"{config.archive}:{n}" for n in networks(config)]
     pools = [pool(truth_of(n), config, rng) for n in names]
     say(f"{len(names)} materials drawn from")
     pools += [pool(random_lobes(rng), config, rng) for _ in range(config.lobes)]
@@ -134,6 +135,17 @@ def random_lobes(rng: np.random.Generator) -> Brdf:
         parts.append(lobe(alpha, None, [float(rng.choice([rng.uniform(0.02, 0.1), rng.uniform(0.1, 1)]))],
                           weight=float(10 ** rng.uniform(-1, 0))))  # fmt: skip
     return Mixture(parts)
+
+
+def networks(config: Config) -> list[str]:
+    """Names of the networks to be trained on."""
+    if config.networks == "none":
+        return []
+    kept = set(validation(config.archive))
+    names = [n for n in names_of(config.archive) if n not in kept]
+    if config.networks == "all":
+        return names
+    return [n for n in names if (n.startswith("rgl") if config.networks == "rgl" else n.split("/")[1] not in TABLES)]
 
 
 def names_of(archive: str) -> list[str]:
