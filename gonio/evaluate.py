@@ -38,10 +38,10 @@ def directions(n: int = 4000, seed: int = 7):
         keep = wo[:, 2] > 1e-3
         wo, uniform = wo[keep], uniform[keep]
         h = half_vector(wi, wo)
-        c2 = h[:, 2] ** 2
+        c2, s2 = h[:, 2] ** 2, h[:, 0] ** 2 + h[:, 1] ** 2
         pdf = np.full(len(wo), 1 / (2 * np.pi))
         for alpha in ALPHAS:
-            d = alpha**2 / (np.pi * (c2 * alpha**2 + 1 - c2) ** 2)
+            d = alpha**2 / (np.pi * (c2 * alpha**2 + s2) ** 2)
             pdf = pdf + d * h[:, 2] / (4 * np.abs(h @ wi) + 1e-12)
         yield np.broadcast_to(wi, wo.shape).copy(), wo, (len(ALPHAS) + 1) / (pdf * n), uniform
 

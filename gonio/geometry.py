@@ -34,6 +34,12 @@ def from_angles(theta: Array | float, phi: Array | float) -> Array:
     return np.stack([s * np.cos(phi), s * np.sin(phi), np.cos(theta)], -1)
 
 
+def from_height(z: Array, phi: Array) -> Array:
+    """Unit vectors (N, 3) of height z along the normal, in [-1, 1], and azimuth phi: z even is even in solid angle."""
+    s = np.sqrt((1 - z) * (1 + z))
+    return np.stack([s * np.cos(phi), s * np.sin(phi), z], -1)
+
+
 def to_angles(w: Array) -> tuple[Array, Array]:
     """(theta, phi) of unit vectors; phi in (-pi, pi], 0 at the poles."""
     w = np.asarray(w, float)

@@ -5,7 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gonio.geometry import from_angles, from_half_diff, half_diff_jacobian, reflect, to_angles, to_half_diff, unit
+from gonio.geometry import (
+    from_angles,
+    from_half_diff,
+    from_height,
+    half_diff_jacobian,
+    reflect,
+    to_angles,
+    to_half_diff,
+    unit,
+)
 
 N = 1_000_000
 TOLERANCE = 1e-12
@@ -107,3 +116,12 @@ def test_spherical_round_trip(theta, phi):
     w = from_angles(np.array([theta]), np.array([phi]))
     again = from_angles(*to_angles(w))
     assert np.abs(again - w).max() <= 1e-15 * 2
+
+
+def test_heights_are_directions():
+    z, phi = np.array([-1.0, 0.0, 0.6, 1.0]), np.array([0.3, 0.0, np.pi / 2, 1.0])
+    assert from_height(z, phi) == pytest.approx(np.array([[0, 0, -1], [1, 0, 0], [0, 0.8, 0.6], [0, 0, 1]]), abs=1e-15)
+    rng = np.random.default_rng(5)
+    w = from_height(rng.uniform(-1, 1, 100_000), rng.uniform(0, 2 * np.pi, 100_000))
+    assert np.abs(np.linalg.norm(w, axis=1) - 1).max() < 1e-15
+    assert np.abs((w[:, :, None] * w[:, None, :]).mean(0) - np.eye(3) / 3).max() < 0.01  # even over the sphere

@@ -21,7 +21,7 @@ from gonio.brdf import Beckmann, Brdf, Ggx, Lambert, Mixture
 from gonio.config.loader import Section
 from gonio.evaluate import directions, evaluate
 from gonio.export.bsdf import write_bsdf
-from gonio.geometry import from_angles
+from gonio.geometry import from_angles, from_height
 from gonio.reconstruct import Samples, auto, reconstruct
 from gonio.reconstruct.tabulate import TabulatedBrdf
 
@@ -91,8 +91,8 @@ def _table(config: Config, name: str, say: Callable[[str], None]) -> dict:
         wrong += float((np.abs(table.eval(wi, wo) * wo[:, 2:] - exact) * weight[:, None]).sum(0).dot(1 / energy))
         total += len(energy)
     rng = np.random.default_rng(0)
-    wi = from_angles(np.arccos(rng.random(config.pairs)), 2 * np.pi * rng.random(config.pairs))
-    wo = from_angles(np.arccos(rng.random(config.pairs)), 2 * np.pi * rng.random(config.pairs))
+    wi = from_height(rng.random(config.pairs), 2 * np.pi * rng.random(config.pairs))
+    wo = from_height(rng.random(config.pairs), 2 * np.pi * rng.random(config.pairs))
     began = time.process_time()
     table.eval(wi, wo)
     rate = config.pairs / (time.process_time() - began) / 1e6
@@ -116,10 +116,10 @@ def drawn(truth: Brdf, n: int, seed: int) -> Samples:
     rng, parts, have = np.random.default_rng(seed), [], 0
     while have < n:
         m = 2 * (n - have) + 100
-        wi = from_angles(np.arccos(rng.random(m)), 2 * np.pi * rng.random(m))
+        wi = from_height(rng.random(m), 2 * np.pi * rng.random(m))
         wo, _ = truth.sample(wi, rng.random((m, 2)))
         even = rng.random(m) < 0.25
-        wo[even] = from_angles(np.arccos(rng.random(m)), 2 * np.pi * rng.random(m))[even]
+        wo[even] = from_height(rng.random(m), 2 * np.pi * rng.random(m))[even]
         up = (wi[:, 2] > 1e-3) & (wo[:, 2] > 1e-3)
         parts.append((wi[up], wo[up]))
         have += int(up.sum())
@@ -134,7 +134,7 @@ def brushed_error(brdf: Brdf, truth: Brdf, n: int = 4000, seed: int = 5) -> floa
     for theta in np.radians(np.linspace(5, 80, 6)):
         wi = from_angles(np.full(n, theta), 2 * np.pi * rng.random(n))
         wo, _ = truth.sample(wi, rng.random((n, 2)))
-        wo[::4] = from_angles(np.arccos(rng.random(len(wo[::4]))), 2 * np.pi * rng.random(len(wo[::4])))
+        wo[::4] = from_height(rng.random(len(wo[::4])), 2 * np.pi * rng.random(len(wo[::4])))
         up = wo[:, 2] > 1e-3
         wi, wo = wi[up], wo[up]
         weight = wo[:, 2:] / (0.75 * truth.pdf(wi, wo) + 0.25 / (2 * np.pi))[:, None]

@@ -13,7 +13,7 @@ from gonio.brdf import Brdf
 from gonio.brdf.atomic import replacing
 from gonio.export import ExportError, checked
 from gonio.export.profile import half_profile, half_width
-from gonio.geometry import Array, from_angles, reflect
+from gonio.geometry import Array, from_angles, from_height, reflect
 
 THETA_I_DEG = (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)
 UNIFORM, LOBE = 4000, 4000  # outgoing directions over the hemisphere, and more of them about the lobe
@@ -44,7 +44,7 @@ def write_mountain(brdf: Brdf, folder: str | os.PathLike, theta_i_deg=THETA_I_DE
 def _directions(wi: Array, width: float) -> Array:
     """Outgoing directions: a spiral over the hemisphere, and one over the half vectors of a lobe of this width."""
     k = np.arange(UNIFORM)
-    everywhere = from_angles(np.arccos(1 - (k + 0.5) / UNIFORM), k * GOLDEN)
+    everywhere = from_height(1 - (k + 0.5) / UNIFORM, k * GOLDEN)
     k = np.arange(LOBE)
     t = (k + 0.5) / LOBE
     h = from_angles(np.arctan(2 * width * np.sqrt(t / (1 - t))), k * GOLDEN)

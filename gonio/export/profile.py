@@ -41,7 +41,7 @@ def half_profile(brdf: Brdf, columns: int, rows: int) -> Array:
 def turns(brdf: Brdf) -> bool:
     """Whether `brdf` changes by more than 1 % when the sample is turned under light and detector: anisotropic."""
     rng = np.random.default_rng(0)
-    angles = np.arctan(10 ** rng.uniform(-3, 0, 200)), 2 * np.pi * rng.random(200), np.arccos(rng.uniform(0.3, 1, 200))
+    angles = np.arctan(10 ** rng.uniform(-3, 0, 200)), 2 * np.pi * rng.random(200), rng.uniform(0, 1.26, 200)
     wi, wo = from_half_diff(*angles, 2 * np.pi * rng.random(200))
     seen = above_horizon(wi, wo)
     wi, wo = wi[seen], wo[seen]

@@ -40,8 +40,7 @@ def solid_angles(stretch: Coordinates, a: PairAngles, test) -> Array:
 
 def energy_weights(a: PairAngles, g: Array, v: Array) -> Array:
     """w (N, C) such that sum_n w |error of g_n| over n and channels is the mean energy error."""
-    theta_i = np.arctan2(np.sqrt(np.maximum(0, 1 - a.cos_i**2)), a.cos_i)
-    bin_ = np.clip(np.searchsorted(INCIDENCES, theta_i) - 1, 0, len(INCIDENCES) - 2)
+    bin_ = np.clip(np.searchsorted(-np.cos(INCIDENCES), -a.cos_i) - 1, 0, len(INCIDENCES) - 2)
     energy = np.maximum(g, 0) * v[:, None]
     total = np.stack([np.bincount(bin_, e, len(INCIDENCES) - 1) for e in energy.T], 1)
     weight = v[:, None] / np.where(total > 0, total, np.inf)[bin_]

@@ -15,7 +15,7 @@ from scipy.optimize import minimize, nnls
 from gonio.brdf import Ggx, RglBrdf
 from gonio.brdf.fitted import SPLINES, FittedBrdf, basis
 from gonio.evaluate import evaluate
-from gonio.geometry import Array, from_angles, reflect, to_half_diff
+from gonio.geometry import Array, from_angles, from_height, reflect, to_half_diff
 
 MATERIALS = {
     "acrylic_felt_purple": "purple acrylic felt",
@@ -37,7 +37,7 @@ def directions(rng: np.random.Generator) -> tuple[Array, Array, Array]:
     for theta in THETA_I:
         wi = from_angles(theta, 0.0)
         z, phi = rng.random(PER_ANGLE), 2 * np.pi * rng.random(PER_ANGLE)
-        parts = [from_angles(np.arccos(z), phi)]
+        parts = [from_height(z, phi)]
         for alpha in ALPHAS:
             u, phi = rng.random(PER_ANGLE), 2 * np.pi * rng.random(PER_ANGLE)
             h = from_angles(np.arctan(alpha * np.sqrt(u / (1 - u))), phi)

@@ -1,7 +1,10 @@
 """Truths of known form, and samples of them as a good acquisition gives them."""
 
+from functools import partial
+
 import numpy as np
 
+from gonio.bench.reconstruction_speed import brushed_error
 from gonio.brdf import Beckmann, Ggx, Lambert, Mixture
 from gonio.geometry import Array, from_angles
 from gonio.reconstruct import Samples
@@ -41,17 +44,4 @@ def samples(truth, n: int, seed: int = 0) -> Samples:
     return Samples.of(wi, wo, f + sigma * np.random.default_rng(seed + 1).standard_normal(f.shape), sigma)
 
 
-def energy_error(brdf, truth, n: int = 1500, seed: int = 5) -> float:
-    """The referee's energy_mean, by importance sampling of the truth; any azimuth of wi."""
-    rng = np.random.default_rng(seed)
-    errors = []
-    for theta in np.radians(np.linspace(5, 80, 6)):
-        wi = from_angles(np.full(n, theta), 2 * np.pi * rng.random(n))
-        wo, _ = truth.sample(wi, rng.random((n, 2)))
-        wo[::4] = from_angles(np.arccos(rng.random(len(wo[::4]))), 2 * np.pi * rng.random(len(wo[::4])))
-        up = wo[:, 2] > 1e-3
-        wi, wo = wi[up], wo[up]
-        weight = wo[:, 2:] / (0.75 * truth.pdf(wi, wo) + 0.25 / (2 * np.pi))[:, None]
-        want = truth.eval(wi, wo)
-        errors.append((np.abs(brdf.eval(wi, wo) - want) * weight).sum(0) / (want * weight).sum(0))
-    return float(np.mean(errors))
+energy_error = partial(brushed_error, n=1500)
