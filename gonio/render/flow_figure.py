@@ -1,6 +1,7 @@
 """A run's flow beside its samples, as in the thesis's figures 6.1, 6.6, 6.7."""
 
 import numpy as np
+from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 
 from gonio.geometry import Array, above_horizon, from_half_diff, to_half_diff
@@ -20,9 +21,11 @@ def flow_beside_samples(density, samples: Samples) -> Figure:
     theta_h, _, theta_d, _ = to_half_diff(samples.wi, samples.wo)
     left.plot(np.degrees(theta_h), np.degrees(theta_d), ".", ms=2, alpha=0.4)
     log_h, theta_d, mass = marginal(density)
-    right.pcolormesh(np.degrees(np.exp(log_h)), np.degrees(theta_d), mass.T, shading="nearest", cmap="magma")
+    right.pcolormesh(
+        np.degrees(np.exp(log_h)), np.degrees(theta_d), mass.T, shading="nearest", cmap="magma", norm=PowerNorm(0.5)
+    )
     left.set(xscale="log", xlim=(0.03, 90), ylim=(0, 90), ylabel="θd / degrees", title="measured")
-    right.set(title="the flow's density")
+    right.set(title="the flow's density, its root as brightness")
     for axes in (left, right):
         axes.set_xlabel("θh / degrees")
     return figure
