@@ -124,7 +124,7 @@ def start(material: Material, rig: RigConfig, out: str | os.PathLike[str] | None
     if material.sampler.flow.weights is not None:
         from gonio.flow import shipped
 
-        shipped.conditional(material.sampler.flow.weights)
+        shipped.load_conditional(material.sampler.flow.weights)
     if out is None:
         stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
         out = Path("runs") / material.name / f"{stamp}-{secrets.token_hex(2)}"

@@ -36,6 +36,7 @@ def test_rigs_that_ship_load(path):
         ("x: &a [1]\ny: *a", ["config:2", "aliases"]),
         ("name: a\nsampler: {target: {channels: 7}}", ["7", "3 channels"]),
         ("name: a\nsampler: {target: {channels: red}}", ["channels", "luminance", "red"]),
+        ("name: a\nsampler: {flow: {weights: x.npz, start: zoo}}", ["sampler.flow.weights", "start: code"]),
         ("name: a\nsampler: fast", ["config:2", "thesis"]),
         ("name: ../../etc", ["config:1", "name"]),
         ("seed: 3", ["name", "missing"]),

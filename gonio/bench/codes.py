@@ -32,7 +32,7 @@ class Config(Section):
 
 
 def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
-    flow, codes = shipped.conditional(config.weights)
+    flow, codes = shipped.load_conditional(config.weights) if config.weights else shipped.conditional()
     cube = make_cube("half", 0.1)
     heads = (f"{config.samples} draws", f"{20 * config.samples} draws", "run, code", "run, lobes")
     say(f"{'KL in nats':34}" + "".join(f"{h:>14}" for h in heads))

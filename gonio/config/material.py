@@ -131,6 +131,10 @@ class Material(Section):
             raise ValueError("sampler.adapt: `thesis` is a way to train a flow; it needs sampler.proposal: flow")
         if self.sampler.adapt == "thesis" and self.symmetry == "anisotropic":
             raise ValueError("sampler.adapt: `thesis` starts from flows of isotropic lobes; use adapt: true")
+        if self.sampler.flow.weights is not None and (
+            self.sampler.flow.start != "code" or self.symmetry != "isotropic"
+        ):
+            raise ValueError("sampler.flow.weights: a conditional flow of isotropic samples; it needs start: code")
         if channel == "luminance" and len(self.channels) != 3:
             raise ValueError("sampler.target.channels: luminance needs three channels (linear RGB)")
         if (

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gonio.flow.cubes import make_cube
 from gonio.flow.flow import Flow, FlowError
 from gonio.flow.material_code import Codes
 from gonio.geometry import Array
@@ -46,15 +47,20 @@ def zoo() -> tuple[tuple[str, Flow], ...]:
     return tuple((p.stem, load_flow(p)[0]) for p in found)
 
 
-@lru_cache(maxsize=4)
-def conditional(path: str | None = None) -> tuple[Flow, Codes]:
-    """The flow over many materials and the codes of those it was trained on; of a file, or the one that ships.
+@lru_cache(maxsize=1)
+def conditional() -> tuple[Flow, Codes]:
+    """The flow over many materials and the codes of those it was trained on. Raises FlowError."""
+    return load_conditional(FOLDER / "code.npz")
 
-    Raises FlowError where the file is spoilt.
-    """
-    path = path or str(FOLDER / "code.npz")
+
+def load_conditional(path: str | os.PathLike) -> tuple[Flow, Codes]:
+    """The same of a file that `gonio bench pretrain` wrote. Raises FlowError."""
     flow, d = load_flow(path)
-    codes = d.get("codes")
-    if codes is None or codes.ndim != 2 or codes.shape[1] != flow.shape.code or not np.isfinite(codes).all():
-        raise FlowError(f"{path}: no codes of {flow.shape.code} numbers in it; make it with `gonio bench pretrain`")
+    codes, shape, cube = d.get("codes"), flow.shape, make_cube("half", 0.1)
+    if codes is None or codes.ndim != 2 or codes.shape[1] != shape.code or not np.isfinite(codes).all():
+        raise FlowError(f"{path}: no codes of {shape.code} numbers in it; make it with `gonio bench pretrain`")
+    if (shape.dimensions, shape.leading, shape.periodic) != (cube.dimensions, cube.leading, cube.periodic):
+        raise FlowError(
+            f"{path}: a flow over other coordinates than the half cube's; make it with `gonio bench pretrain`"
+        )
     return flow, Codes(codes)

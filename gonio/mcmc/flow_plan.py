@@ -32,7 +32,7 @@ TRUNCATED = 0.5  # weights are cut at N^0.5 times their mean (Ionides 2008)
 
 
 class FlowPlan(Auto):
-    """See the module's text. `audit` holds one dict for every election."""
+    """See the module's text. `audit` holds one dict for every election. Raises FlowError for weights named in vain."""
 
     def __init__(
         self, c: FlowConfig, seed: int, *, block: int, anisotropic: bool, adapt: bool = True,
@@ -41,8 +41,7 @@ class FlowPlan(Auto):
         super().__init__(block=block, anisotropic=anisotropic, adapt=adapt, fit_surrogate=fit_surrogate)
         self.config, self.seed, self.anisotropic = c, seed, anisotropic
         self.cube = make_cube(c.coordinates if c.start == "fresh" or anisotropic else "half", c.alpha, anisotropic)
-        if c.weights is not None:
-            shipped.conditional(c.weights)  # raises FlowError before the rig moves, not at the first election
+        self._own = None if c.weights is None else shipped.load_conditional(c.weights)
         self.audit: list[dict[str, Any]] = []
         self.start: Flow | None = None
         self.live: Flow | None = None
@@ -83,7 +82,7 @@ class FlowPlan(Auto):
         if start == "fresh" and self.start is None:
             self.start = Flow.fresh(self._fresh_shape(), np.random.default_rng(self.seed))
         if start == "code":
-            flow, codes = shipped.conditional(self.config.weights)
+            flow, codes = self._own or shipped.conditional()
             self.start = flow.at(codes.fit(flow, x, w, None if self.start is None else self.start.code))
         assert self.start is not None
         out["start"] = self.start

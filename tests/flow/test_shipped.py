@@ -61,3 +61,12 @@ def test_a_spoilt_file_is_one_line(tmp_path, spoil):
     with pytest.raises(FlowError) as e:
         shipped.load_flow(path)
     assert "\n" not in str(e.value) and str(path) in str(e.value)
+
+
+def test_a_flow_over_other_coordinates_is_refused(tmp_path):
+    from gonio.flow.flow import Flow, Shape
+
+    flow = Flow.fresh(Shape(code=3, hidden=8, bins=4), np.random.default_rng(0))  # its first coordinate does not lead
+    np.savez(tmp_path / "raw.npz", **flow.to_arrays(), codes=np.zeros((5, 3)))
+    with pytest.raises(FlowError, match="other coordinates"):
+        shipped.load_conditional(tmp_path / "raw.npz")

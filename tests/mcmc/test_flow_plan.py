@@ -83,7 +83,7 @@ def test_a_useless_flow_gets_no_share():
 
 
 def test_spoilt_weights_fall_back_to_auto_and_say_so(monkeypatch):
-    def spoilt(path):
+    def spoilt():
         raise FlowError("code.npz: not a flow's weights; make them with `gonio bench pretrain`")
 
     monkeypatch.setattr(shipped, "conditional", spoilt)
