@@ -61,6 +61,12 @@ def until(wanted, seconds=60):
         time.sleep(0.001)
 
 
+def until_stored(count, run, nursery, pid):
+    """A child that ended before so many were stored says why."""
+    until(lambda: stored(run) >= count or nursery.ended(pid))
+    assert stored(run) >= count, nursery.wait()
+
+
 def test_the_host_is_killed_and_the_devices_live_on(lab, nursery, whole, tmp_path):
     """Found again as they were left, in whatever state: every register is as it should be before anything moves."""
     run, rng = tmp_path / "run", np.random.default_rng(1)
@@ -68,7 +74,7 @@ def test_the_host_is_killed_and_the_devices_live_on(lab, nursery, whole, tmp_pat
     for k in range(6):
         pid = nursery.start(*command)
         goal = before + int(rng.integers(1, 15))
-        until(lambda goal=goal: stored(run) >= goal)
+        until_stored(goal, run, nursery, pid)
         time.sleep(float(rng.uniform(0, 0.02)))
         os.kill(pid, signal.SIGKILL)
         assert nursery.wait()[0] == -signal.SIGKILL
@@ -98,7 +104,7 @@ def test_no_space_for_the_run_file(lab, nursery, whole, tmp_path):
     """The kernel refuses to let it grow: one line, light off, motors at rest; with space again the run goes on."""
     run = tmp_path / "run"
     pid = nursery.start(*lab.acquire(N, run))
-    until(lambda: stored(run) >= 20)
+    until_stored(20, run, nursery, pid)
     size = max(p.stat().st_size for p in run.iterdir())
     resource.prlimit(pid, resource.RLIMIT_FSIZE, (size + 40_000, resource.RLIM_INFINITY))
     code, last = nursery.wait()
