@@ -28,6 +28,8 @@ def acquire(client, material: Material, out: Path | None) -> Path:
     """The finished run's folder."""
     runs = Path(client.state()["runs"])
     body: dict[str, Any] = {"material": material.model_dump(mode="json")}
+    if (flow := body["material"]["sampler"]["flow"])["weights"] is not None:
+        flow["weights"] = str(Path(flow["weights"]).resolve())  # the daemon stands in another folder
     if out is not None:
         from gonio.daemon.inside import relative
 

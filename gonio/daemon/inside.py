@@ -1,4 +1,4 @@
-"""What a request may name: runs below the runs folder, truths there or in the library. Nothing else is looked at."""
+"""What a request may name: runs and files below the runs folder, truths of the library. Nothing else is looked at."""
 
 import os
 import re
@@ -28,12 +28,22 @@ def truth_name(runs: Path, truth: str) -> str:
         if any(found.name == truth for found in available()) and not os.path.lexists(truth):
             return truth
         raise ConfigError(f"truth {truth}: no such material; `gonio materials` lists what there is")
+    return _file_below(runs, "truth", truth, "a daemon shows materials by name, or files in its runs folder")
+
+
+def weights_file(runs: Path, path: str) -> str:
+    """A flow's weights as they may be opened: a file below `runs`. Raises ConfigError."""
+    advice = f"a daemon reads files in its runs folder; copy it into {runs.resolve()}, or use --no-daemon"
+    return _file_below(runs, "sampler.flow.weights", path, advice)
+
+
+def _file_below(runs: Path, key: str, path: str, advice: str) -> str:
     base = os.path.realpath(runs)
-    lexical = os.path.normpath(os.path.join(base, truth)) if "\0" not in truth else ""
+    lexical = os.path.normpath(os.path.join(base, path)) if "\0" not in path else ""
     if not lexical.startswith(base + os.sep) or not os.path.realpath(lexical).startswith(base + os.sep):
-        raise ConfigError(f"truth {truth[:80]!r}: a daemon shows materials by name, or files in its runs folder")
+        raise ConfigError(f"{key} {path[:80]!r}: {advice}")
     if not os.path.exists(lexical):
-        raise ConfigError(f"truth {truth[:80]!r}: no such file")
+        raise ConfigError(f"{key} {path[:80]!r}: no such file")
     return lexical
 
 

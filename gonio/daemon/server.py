@@ -21,7 +21,7 @@ import gonio
 from gonio.config import ConfigError, Material
 from gonio.daemon import by_hand, jobs
 from gonio.daemon.control import Busy, Control
-from gonio.daemon.inside import RUN, run_folder, truth_name
+from gonio.daemon.inside import RUN, run_folder, truth_name, weights_file
 
 PAGE = {"app.js": "text/javascript", "hemisphere.js": "text/javascript", "style.css": "text/css"}
 HEADERS = {
@@ -106,6 +106,9 @@ def make_app(control: Control, runs: Path) -> FastAPI:
             material = body.material
             if material.truth is not None:
                 material = material.model_copy(update={"truth": truth_name(runs, material.truth)})
+            if (weights := material.sampler.flow.weights) is not None:
+                flow = material.sampler.flow.model_copy(update={"weights": weights_file(runs, weights)})
+                material = material.model_copy(update={"sampler": material.sampler.model_copy(update={"flow": flow})})
             _must_be_text(material)
             return jobs.acquire(control, material, _new_folder(runs, material.name, body.run))
 

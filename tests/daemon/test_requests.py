@@ -17,7 +17,7 @@ from gonio.config import ConfigError, load_config
 from gonio.config.find import find_config
 from gonio.config.rig import RigConfig
 from gonio.daemon.control import Control
-from gonio.daemon.inside import run_folder, truth_name
+from gonio.daemon.inside import run_folder, truth_name, weights_file
 from gonio.daemon.server import make_app
 from tests.daemon.conftest import material
 
@@ -87,6 +87,19 @@ def test_no_truth_outside(served, truth, monkeypatch):
     body = {"theta_i_deg": 1, "theta_o_deg": 9, "truth": truth}
     assert client.post("/jobs/measure", json=body).status_code == 422
     assert not (runs / "r").exists()
+
+
+@pytest.mark.parametrize("weights", ["/etc/passwd", "../secret.npz", "link.npz", "none.npz", "x\0y"])
+def test_no_weights_outside(served, weights):
+    _, client, runs = served
+    (runs.parent / "secret.npz").write_bytes(b"not for you")
+    (runs / "link.npz").symlink_to(runs.parent / "secret.npz")
+    sampler = {"proposal": "flow", "flow": {"weights": weights}}
+    answer = client.post("/jobs/acquire", json={"material": {**material(5), "sampler": sampler}, "run": "r"})
+    assert answer.status_code == 422 and "sampler.flow.weights" in answer.json()["detail"]
+    assert not (runs / "r").exists()
+    (runs / "mine.npz").write_bytes(b"")
+    assert weights_file(runs, "mine.npz") == weights_file(runs, str(runs.resolve() / "mine.npz"))
 
 
 def test_truth_inside(served):
