@@ -275,7 +275,10 @@ def test_a_stop_is_obeyed_within_a_few_packets():
             at_first = [s.position(asked) for s in servos.values()]
         rig.stop()
         obeyed, packets = rig.clock.now(), len(log)
-        assert packets <= 4, log  # one under way, where they are, the order, and whether it was taken
+        order = log.index((254, 131))
+        assert order <= 2, log  # one under way, where they are, the order
+        # whether it was taken; the thread that moves them has seen the stop too, and may have given the order before
+        assert packets <= order + 2 + 3, log
         for s, first in zip(servos.values(), at_first):
             assert s._until < obeyed + 0.05, "still moving 50 ms later"
             assert min(first, s._from) - 1 <= s._to <= max(first, s._from) + 1, "went on, or farther back"
