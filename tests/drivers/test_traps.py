@@ -120,10 +120,16 @@ def test_1_anothers_answer_acknowledges_no_write(bench, monkeypatch):
     bus.open()
     assert bus.read(1, t.MODEL) == 1020
     monkeypatch.setattr(bus, "_in_step", lambda servo: True)
-    late(bench, *LATER)
-    bus.read(1, t.GOAL)  # its second answer is still to come
-    bus.write(1, t.POSITION_I_GAIN, 77)
-    assert bus.failures >= 2 and bench.servos[1].get(82) == 77
+    carry = bench.line.wire.carry
+    for gain in range(70, 90):  # on a machine that halts just here the answer has come and gone before the write
+        before, bench.line.wire.carry = bus.failures, carry
+        late(bench, *LATER)
+        bus.read(1, t.GOAL)  # its second answer is still to come
+        bus.write(1, t.POSITION_I_GAIN, gain)
+        assert bench.servos[1].get(82) == gain
+        if bus.failures >= before + 2:
+            return
+    raise AssertionError("no answer met the write")
 
 
 def test_1_late_states_are_not_those_of_now(bench):
