@@ -276,9 +276,10 @@ def test_a_stop_is_obeyed_within_a_few_packets():
         rig.stop()
         obeyed, packets = rig.clock.now(), len(log)
         order = log.index((254, 131))
-        assert order <= 2, log  # one under way, where they are, the order
-        # whether it was taken; the thread that moves them has seen the stop too, and may have given the order before
-        assert packets <= order + 2 + 3, log
+        # one under way, where they are, the order, and whether it was taken
+        assert order + 2 <= 4 and log[order + 1] == (254, 130), log
+        # the thread that moves them has seen the stop too, and says the same once more: nothing but that
+        assert packets <= order + 2 + 3 and set(log) == {(254, 130), (254, 131)}, log
         for s, first in zip(servos.values(), at_first):
             assert s._until < obeyed + 0.05, "still moving 50 ms later"
             assert min(first, s._from) - 1 <= s._to <= max(first, s._from) + 1, "went on, or farther back"
