@@ -10,7 +10,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 
 from gonio.rig.errors import CalibrationMissing
-from gonio.rig.frames import Frames
+from gonio.rig.signal.frames import Frames
 from gonio.rig.staged import StagedRig
 
 

@@ -21,9 +21,9 @@ from gonio.config.rig import RigConfig
 from gonio.geometry import Array, half_vector, unit
 from gonio.rig.build import gantry_chain, gimbal_chain
 from gonio.rig.calibration import GeometryCalibration
-from gonio.rig.chain import Chain
 from gonio.rig.errors import CalibrationMissing
-from gonio.rig.offsets import Offsets
+from gonio.rig.kinematics.chain import Chain
+from gonio.rig.kinematics.offsets import Offsets
 
 PRIOR_OFFSET, PRIOR_TILT = np.radians(10.0), np.radians(2.0)
 NOMINAL = {

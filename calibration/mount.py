@@ -19,7 +19,7 @@ from gonio.geometry import Array
 from gonio.rig.build import geometry_calibration, view_of
 from gonio.rig.calibration import CameraCalibration
 from gonio.rig.errors import CalibrationMissing
-from gonio.rig.view import View, rotation_of
+from gonio.rig.signal.view import View, rotation_of
 
 FEWEST = 6  # views
 UNSURE_MM = 0.5  # a mount known no better is not known

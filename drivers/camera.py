@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from drivers.hdr import Picture, bad_pixels, in_the_middle, merge
 from gonio.config.detectors import CameraConfig
 from gonio.rig.errors import DeviceFault
-from gonio.rig.frames import Frames
+from gonio.rig.signal.frames import Frames
 
 SETTLED = 0.02  # relative difference of two frames' means that counts as none
 MOST = 24  # frames beyond those thrown away anyway

@@ -20,9 +20,9 @@ from drivers.gone import PortGone
 from drivers.text_line import Refused, TextLine
 from gonio.config.rig import PhotodiodeConfig
 from gonio.geometry import Array
-from gonio.rig.averaging import readings_needed, sigma_of
 from gonio.rig.devices import Reading
 from gonio.rig.errors import DeviceFault
+from gonio.rig.signal.averaging import readings_needed, sigma_of
 
 FILL = 0.9  # of a range's full scale that is used
 

@@ -1,15 +1,43 @@
 """The loop: ask -> plan -> move -> measure -> store -> tell. No step reaches back."""
 
+import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from gonio.config.material import Material
 from gonio.mcmc import Batch, Sampler
-from gonio.progress import Progress
 from gonio.rig.devices import Rig, Visited
 from gonio.rig.errors import DeviceFault
-from gonio.store import Store, StoreError
+from gonio.run.record.replay import replay
+from gonio.run.record.store import Store
+
+
+@dataclass
+class Progress:
+    """What a watcher is shown while a run goes on."""
+
+    measured: int = 0
+    free: int = 0
+    steps: int = 0
+    accepted: int = 0
+    rig_s: float = 0.0
+    began: float = field(default_factory=time.monotonic)
+    measured_before: int = 0
+    budget: int | None = None
+    energy_error: float | None = None
+
+    @property
+    def acceptance(self) -> float:
+        return self.accepted / self.steps if self.steps else 0.0
+
+    def eta_s(self) -> float | None:
+        """Seconds left to the measurement budget at the pace of this session; None where there is no telling."""
+        done = self.measured - self.measured_before
+        if self.budget is None or done == 0:
+            return None
+        return (self.budget - self.measured) * (time.monotonic() - self.began) / done
 
 
 class Interrupted(Exception):
@@ -30,12 +58,14 @@ def acquire(
 ) -> str:
     """Drive the rig until the budget is spent or the result is good; the reason why it ended.
 
-    A store that holds measurements already is gone on with: the chain is told them again first. Raises Interrupted
+    A store that holds measurements already is continued: the chain is told them again first. Raises Interrupted
     (after the measurement under way, all stored), DeviceFault, SafetyStop, StoreError, mcmc.NoSupport.
     """
     progress = Progress(budget=material.budget.measurements)
-    replay(sampler, store, progress)
-    progress.measured_before = progress.measured
+    known, steps = replay(sampler, store)
+    progress.measured = progress.measured_before = len(known.id)
+    progress.rig_s = float(known.rig_s.sum())
+    _count_steps(progress, steps)
     while True:
         if (reason := _spent(material, progress) or good_enough(progress)) is not None:
             return reason
@@ -59,33 +89,6 @@ def acquire(
                 raise Interrupted
             if (reason := _spent(material, progress)) is not None:
                 return reason
-
-
-def replay(sampler: Sampler, store: Store, progress: Progress) -> None:
-    """Tell a fresh sampler all that is stored, so that it goes on as if it had never been stopped.
-
-    Every stored direction is compared with what the sampler asks, bit for bit. Raises StoreError where they differ.
-    """
-    known = store.measured()
-    while len(known.id):
-        batch = sampler.ask()
-        row = np.searchsorted(known.id, batch.ids)
-        have = row < len(known.id)
-        have[have] = known.id[row[have]] == batch.ids[have]
-        if not have.any():
-            break
-        row = row[have]
-        if not np.array_equal(known.asked[row], np.concatenate([batch.wi, batch.wo], 1)[have]):
-            raise StoreError(
-                f"{store.folder}: its chain cannot be continued by this version of gonio; use the one in its provenance"
-            )
-        sampler.tell(batch.ids[have], known.f[row], known.sigma[row])
-        if not have.all():
-            break
-    steps = sampler.take_steps()
-    store.add_steps(steps)
-    progress.measured, progress.rig_s = len(known.id), float(known.rig_s.sum())
-    _count_steps(progress, steps)
 
 
 def _within_budget(batch: Batch, budget: int | None, measured: int) -> Batch:

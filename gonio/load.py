@@ -12,11 +12,11 @@ from gonio.brdf.kinds import KINDS as MODEL_KINDS
 from gonio.brdf.saved import FORMAT_VERSION, write_saved
 
 KINDS = MODEL_KINDS | {
-    "auto": "gonio.reconstruct.auto:AutoBrdf",
-    "tabulated": "gonio.reconstruct.tabulate:TabulatedBrdf",
-    "flow": "gonio.reconstruct.flow:FlowBrdf",
+    "auto": "gonio.reconstruct.splines.auto:AutoBrdf",
+    "tabulated": "gonio.reconstruct.tables.tabulate:TabulatedBrdf",
+    "flow": "gonio.reconstruct.flows.flow:FlowBrdf",
     "flow_density": "gonio.flow.density:FlowDensity",
-    "auto_flow": "gonio.reconstruct.auto_flow:AutoFlowBrdf",
+    "auto_flow": "gonio.reconstruct.flows.auto_flow:AutoFlowBrdf",
 }
 """kind of a saved BRDF -> its class; a file names a kind, never a class, so it cannot make us import anything else."""
 
@@ -48,7 +48,7 @@ def load_brdf(path: str | os.PathLike) -> Brdf:
         case ".npz":
             return _load_saved(text)
         case ".yaml":
-            from gonio.brdf.fitted import FittedBrdf
+            from gonio.brdf.models.fitted import FittedBrdf
 
             return FittedBrdf.from_file(text)
     raise BrdfFileError(f"{text}: not a BRDF; wanted a run folder, .npz, .bsdf, .binary, .yaml or FILE.npz:NAME")

@@ -17,7 +17,7 @@ from gonio.geometry import Array
 from gonio.rig.build import envelope_of, park_pose
 from gonio.rig.clock import VirtualClock
 from gonio.rig.devices import Visited
-from gonio.rig.plan import Planner
+from gonio.rig.motion.plan import Planner
 from sim.sample import Sample
 
 

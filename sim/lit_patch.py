@@ -8,8 +8,8 @@ from gonio.config.rig import RigConfig
 from gonio.geometry import Array
 from gonio.rig.build import envelope_of, geometry_calibration, view_of
 from gonio.rig.clock import Clock
-from gonio.rig.kinematics import Kinematics
-from gonio.rig.view import View, rotation_of
+from gonio.rig.kinematics.base import Kinematics
+from gonio.rig.signal.view import View, rotation_of
 from sim.camera import SimFrames
 from sim.light import SimLight
 from sim.sample import Sample

@@ -11,10 +11,10 @@ import numpy as np
 
 from gonio.config.rig import PhotodiodeConfig
 from gonio.geometry import Array
-from gonio.rig.averaging import readings_needed, sigma_of
 from gonio.rig.clock import Clock
 from gonio.rig.devices import Reading
 from gonio.rig.errors import DeviceFault
+from gonio.rig.signal.averaging import readings_needed, sigma_of
 from sim.noise import PHOTODIODE, generator
 
 

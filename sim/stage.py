@@ -11,7 +11,7 @@ from gonio.geometry import Array
 from gonio.rig.clock import Clock
 from gonio.rig.devices import Axis
 from gonio.rig.errors import DeviceFault, SafetyStop
-from gonio.rig.motion import move_time, progress
+from gonio.rig.motion.profile import move_time, progress
 from sim.noise import STAGE, generator
 
 

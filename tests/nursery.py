@@ -9,7 +9,9 @@ import os
 import subprocess
 import sys
 
-PRELOAD = "gonio.cli gonio.run gonio.running gonio.acquire gonio.commands.acquisition gonio.reconstruct.running"
+PRELOAD = (
+    "gonio.cli gonio.run.start gonio.run.stop_rules gonio.acquire gonio.commands.acquisition gonio.reconstruct.running"
+)
 PRELOAD_WIRE = "drivers.rig sim.wire.rig"
 
 

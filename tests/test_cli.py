@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from gonio.store import Store
+from gonio.run.record.store import Store
 
 
 def gonio(*args, cwd=None, env=None):
@@ -55,7 +55,7 @@ def test_evaluate(run):
 
 def test_evaluate_says_what_the_referee_says(run, score):
     import gonio as package
-    from gonio.products import open_truth
+    from gonio.run.products import open_truth
 
     ours = json.loads(gonio("evaluate", run, "--json").stdout)
     theirs = score.score(package.load_brdf(run).eval, open_truth("analytic_gloss").eval)

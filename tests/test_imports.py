@@ -7,17 +7,31 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from imports import ROOT, violations
+from imports import ROOT, circles, crowded, violations
 
 
 def test_imports_run_downwards_only():
     assert violations() == []
 
 
+def test_no_circles_and_no_crowded_rooms():
+    assert circles() == [] and crowded() == []
+
+
+def test_negative_control_circles_are_found(tmp_path):
+    (tmp_path / "gonio" / "run").mkdir(parents=True)
+    (tmp_path / "gonio" / "run" / "a.py").write_text("from gonio.run import b\n")
+    (tmp_path / "gonio" / "run" / "b.py").write_text("import gonio.geometry\n")
+    assert circles(tmp_path) == []
+    (tmp_path / "gonio" / "run" / "b.py").write_text("def f():\n    from gonio.run.a import x\n" + "\n" * 300)
+    assert len(circles(tmp_path)) == 1 and "gonio.run.a" in circles(tmp_path)[0]
+    assert crowded(tmp_path) == ["gonio/run/b.py: 302 lines, 300 at most"]
+
+
 def test_negative_control_an_upward_import_is_found(tmp_path):
     (tmp_path / "gonio" / "mcmc").mkdir(parents=True)
     (tmp_path / "gonio" / "mcmc" / "bad.py").write_text(
-        "def f():\n    import torch\n    from gonio.store import Store\n"
+        "def f():\n    import torch\n    from gonio.run.record.store import Store\n"
     )
     (tmp_path / "sim").mkdir()
     (tmp_path / "sim" / "bad.py").write_text("import drivers.bus\n")

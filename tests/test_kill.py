@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from gonio.store import Store
+from gonio.run.record.store import Store
 from tests.nursery import Nursery
 
 SETTINGS = ["--set", "name=kill", "--no-post"]
@@ -18,9 +18,9 @@ SETTINGS = ["--set", "name=kill", "--no-post"]
 @pytest.fixture(scope="module")
 def truth(tmp_path_factory):
     """A glossy analytic material on file."""
-    from gonio.brdf.lambert import Lambert
-    from gonio.brdf.microfacet import Ggx
-    from gonio.brdf.mixture import Mixture
+    from gonio.brdf.models.lambert import Lambert
+    from gonio.brdf.models.microfacet import Ggx
+    from gonio.brdf.models.mixture import Mixture
     from gonio.load import save_brdf
 
     path = tmp_path_factory.mktemp("truth") / "gloss.npz"
@@ -110,7 +110,7 @@ def test_killed_thirty_times_and_nothing_lost(tmp_path, truth, nursery, rig, pro
 
 def test_killed_before_the_first_measurement(tmp_path, truth):
     """A folder with nothing measured in it is gone on with like any other."""
-    from gonio.store import Store as S
+    from gonio.run.record.store import Store as S
 
     args = acquisition(truth, "ideal")
     assert run(*args, "--out", tmp_path / "a").returncode == 0

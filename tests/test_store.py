@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from gonio.store import Store, StoreError
+from gonio.run.record.store import Store, StoreError
 
 
 def filled(folder, n=5):

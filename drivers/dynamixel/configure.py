@@ -6,7 +6,7 @@ from drivers.dynamixel import tables as t
 from drivers.dynamixel.bus import Bus, Refused
 from gonio.rig.errors import DeviceFault
 
-# a servo that has shut itself down obeys again only after this; nothing does it unasked
+# a servo that has shut itself down obeys again only after this; nothing does it by itself
 RESTART = "then reboot it or switch the servos' supply off and on"
 
 

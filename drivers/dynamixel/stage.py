@@ -22,7 +22,7 @@ from gonio.geometry import Array
 from gonio.rig.clock import Clock
 from gonio.rig.devices import Axis
 from gonio.rig.errors import DeviceFault, SafetyStop
-from gonio.rig.motion import move_time
+from gonio.rig.motion.profile import move_time
 
 COUNT = 2 * np.pi / t.COUNTS
 ARRIVED = 1  # counts off the goal that still are the goal

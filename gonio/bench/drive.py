@@ -9,7 +9,7 @@ from gonio.brdf import Brdf
 from gonio.config import Material
 from gonio.geometry import Array
 from gonio.mcmc import Sampler, make_sampler
-from gonio.mcmc.steps import Steps
+from gonio.mcmc.chain.steps import Steps
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class Driven:
 def truth_of(spec: str) -> Brdf:
     """A material by name or path, or `ggx:ALPHA` for an analytic one: 20 % Lambert under a GGX lobe of F0 0.5."""
     if spec.startswith("ggx:"):
-        from gonio.brdf.lambert import Lambert
-        from gonio.brdf.microfacet import Ggx
-        from gonio.brdf.mixture import Mixture
+        from gonio.brdf.models.lambert import Lambert
+        from gonio.brdf.models.microfacet import Ggx
+        from gonio.brdf.models.mixture import Mixture
 
         return Mixture([Lambert([0.2] * 3), Ggx(float(spec[4:]), None, [0.5] * 3)])
     from gonio.brdf.library import find

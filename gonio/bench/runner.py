@@ -12,21 +12,21 @@ from gonio.config import ConfigError, load_config
 
 # each module has `Config` (a Section with a field `study`) and `run(config, out, say)`
 STUDIES = {
-    "convergence": "gonio.bench.convergence",
-    "sampling": "gonio.bench.sampling",
-    "throughput": "gonio.bench.throughput",
-    "reconstruction": "gonio.bench.reconstruction",
-    "thesis": "gonio.bench.thesis_table",
-    "rendered": "gonio.bench.rendered",
-    "reconstruction_speed": "gonio.bench.reconstruction_speed",
-    "ablations": "gonio.bench.ablations",
-    "rig": "gonio.bench.rig_seconds",
-    "wire": "gonio.bench.wire",
-    "picture": "gonio.bench.picture",
-    "flow": "gonio.bench.flow",
-    "flow_speed": "gonio.bench.flow_speed",
-    "codes": "gonio.bench.codes",
-    "pretrain": "gonio.bench.pretrain",
+    "convergence": "gonio.bench.chains.convergence",
+    "sampling": "gonio.bench.chains.effective_samples",
+    "throughput": "gonio.bench.speed.throughput",
+    "reconstruction": "gonio.bench.accuracy.reconstruction",
+    "thesis": "gonio.bench.accuracy.thesis_table",
+    "rendered": "gonio.bench.accuracy.rendered",
+    "reconstruction_speed": "gonio.bench.speed.reconstruction_speed",
+    "ablations": "gonio.bench.accuracy.ablations",
+    "rig": "gonio.bench.speed.rig_seconds",
+    "wire": "gonio.bench.speed.wire",
+    "picture": "gonio.bench.accuracy.picture",
+    "flow": "gonio.bench.flows.flow",
+    "flow_speed": "gonio.bench.flows.flow_speed",
+    "codes": "gonio.bench.flows.codes",
+    "pretrain": "gonio.bench.flows.pretrain",
 }
 
 

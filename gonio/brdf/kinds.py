@@ -3,15 +3,15 @@
 from importlib import import_module
 
 KINDS = {
-    "lambert": "gonio.brdf.lambert:Lambert",
-    "ggx": "gonio.brdf.microfacet:Ggx",
-    "beckmann": "gonio.brdf.microfacet:Beckmann",
-    "student": "gonio.brdf.student:Student",
-    "abc": "gonio.brdf.abc:Abc",
-    "mixture": "gonio.brdf.mixture:Mixture",
-    "fitted": "gonio.brdf.fitted:FittedBrdf",
-    "rgl": "gonio.brdf.rgl:RglBrdf",
-    "slices": "gonio.brdf.slices:SlicesBrdf",
+    "lambert": "gonio.brdf.models.lambert:Lambert",
+    "ggx": "gonio.brdf.models.microfacet:Ggx",
+    "beckmann": "gonio.brdf.models.microfacet:Beckmann",
+    "student": "gonio.brdf.models.student:Student",
+    "abc": "gonio.brdf.models.abc:Abc",
+    "mixture": "gonio.brdf.models.mixture:Mixture",
+    "fitted": "gonio.brdf.models.fitted:FittedBrdf",
+    "rgl": "gonio.brdf.tables.rgl:RglBrdf",
+    "slices": "gonio.brdf.tables.slices:SlicesBrdf",
 }
 
 

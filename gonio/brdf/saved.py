@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 
-from gonio.brdf.atomic import replacing
+from gonio.atomic import replacing
 from gonio.geometry import Array
 
 FORMAT_VERSION = 1

@@ -33,8 +33,8 @@ def acquire(
 ) -> None:
     """Measure a material: drive the rig by the chain, store every reading, make the BRDF and the report."""
     from gonio.commands import through
-    from gonio.daemon.place import hold_hardware
-    from gonio.run import start
+    from gonio.daemon.sockets import hold_hardware
+    from gonio.run.start import start
 
     material, rig_config = _configs(config, rig, set_, seed)
     if (client := through.daemon_of(rig_config.name, daemon)) is not None:
@@ -55,9 +55,9 @@ def resume(
 ) -> None:
     """Go on with an interrupted run: the very chain an uninterrupted one would have been."""
     from gonio.commands import through
-    from gonio.daemon.place import hold_hardware
-    from gonio.run import read_config
-    from gonio.run import resume as reopen
+    from gonio.daemon.sockets import hold_hardware
+    from gonio.run.record.config import read_config
+    from gonio.run.start import resume as reopen
 
     rig_config = read_config(run).rig
     if (client := through.daemon_of(rig_config.name, daemon)) is not None:
@@ -74,7 +74,7 @@ def check(
     set_: SetOption = [],  # noqa: B006
 ) -> None:
     """Read a config and print what it would do: dimensions, reachable share, estimated rig time. No hardware."""
-    from gonio.check import plan_text
+    from gonio.run.check import plan_text
 
     material, rig_config = _configs(config, rig, set_, seed)
     typer.echo(plan_text(material, rig_config))
@@ -118,7 +118,7 @@ def _drive(run, post: bool) -> None:
 
 def _products(folder: Path, post: bool) -> None:
     if post:
-        from gonio.products import make_products
+        from gonio.run.products import make_products
 
         for made in make_products(folder):
             typer.echo(made)

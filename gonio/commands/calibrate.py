@@ -10,7 +10,7 @@ import typer
 from gonio.commands.rig import RigOption, rig_config
 
 if TYPE_CHECKING:
-    from gonio.daemon.held import Held
+    from gonio.daemon.rig_owner import RigOwner
 
 app = typer.Typer(help="Calibrate camera, geometry or radiometry of a rig.", no_args_is_help=True)
 Out = Annotated[Path, typer.Option(help="folder of calibrations")]
@@ -104,12 +104,12 @@ def radiometry(
     import numpy as np
 
     from calibration.radiometry import measure_reference
-    from gonio.brdf.lambert import Lambert
+    from gonio.brdf.models.lambert import Lambert
 
-    with _held(rig) as held:
+    with _owner(rig) as owner:
         # what lies on a simulated rig is the reference itself
-        reference = None if held.config.depth == "real" else Lambert(np.pi * np.array(f))
-        found = measure_reference(held.as_is(reference, calibrated=False), theta_i, theta_o, np.array(f))
+        reference = None if owner.config.depth == "real" else Lambert(np.pi * np.array(f))
+        found = measure_reference(owner.as_is(reference, calibrated=False), theta_i, theta_o, np.array(f))
     gains = ", ".join(f"{g:.4g} ± {s:.1g}" for g, s in zip(found.gain, found.gain_sigma))
     _save(found, out, f"gain {gains}, linearity {found.linearity:+.2%}")
 
@@ -119,17 +119,17 @@ def _take(rig: str, picture: Path, poses: Path) -> None:
 
     from calibration.take_view import take_view
 
-    with _held(rig) as held:
-        pose = take_view(held.as_is(calibrated=False), picture, poses)
-        at = "  ".join(f"{n} {a:.2f}" for n, a in zip(held.config.axis_names, np.degrees(pose)))
+    with _owner(rig) as owner:
+        pose = take_view(owner.as_is(calibrated=False), picture, poses)
+        at = "  ".join(f"{n} {a:.2f}" for n, a in zip(owner.config.axis_names, np.degrees(pose)))
     typer.echo(f"view   {picture}: {at} degrees, added to {poses}")
 
 
 def _frames(rig: str, out: Path, flat: bool) -> None:
     from calibration.camera_frames import measure_frames
 
-    with _held(rig) as held:
-        found = measure_frames(held.as_is(calibrated=False), flat=flat)
+    with _owner(rig) as owner:
+        found = measure_frames(owner.as_is(calibrated=False), flat=flat)
     path = found.save(out)
     text = f"{len(found.exposures)} dark frames, {int(found.bad.sum())} bad pixels"
     if found.flat is not None:
@@ -138,20 +138,20 @@ def _frames(rig: str, out: Path, flat: bool) -> None:
 
 
 @contextmanager
-def _held(rig: str) -> Iterator["Held"]:
-    """The rig's devices for this command alone. Raises ConfigError, PlaceError where somebody else drives them."""
+def _owner(rig: str) -> Iterator["RigOwner"]:
+    """The rig's devices for this command alone. Raises ConfigError, SocketsError where somebody else drives them."""
     from gonio.config import ConfigError
     from gonio.daemon.client import find
-    from gonio.daemon.held import Held
-    from gonio.daemon.place import hold_hardware
+    from gonio.daemon.rig_owner import RigOwner
+    from gonio.daemon.sockets import hold_hardware
 
     config = rig_config(rig)
     if config.depth == "ideal":
         raise ConfigError(f"rig {config.name} is ideal and has no detector to calibrate")
     if find(config.name) is not None:
         raise ConfigError(f"rig {config.name}: a daemon drives it; end the daemon, calibrate, start it again")
-    with hold_hardware(config), Held(config) as held:
-        yield held
+    with hold_hardware(config), RigOwner(config) as owner:
+        yield owner
 
 
 def _save(found, folder: Path, text: str) -> None:

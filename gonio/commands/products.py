@@ -19,7 +19,7 @@ def reconstruct(
     out: Annotated[Path | None, typer.Option(help="where to save it [default: brdf.npz in the run]")] = None,
 ) -> None:
     """Make a BRDF of a run's samples."""
-    from gonio.products import make_brdf
+    from gonio.run.products import make_brdf
 
     typer.echo(make_brdf(run, model, out))
 
@@ -30,7 +30,7 @@ def evaluate(
     json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
     """Compare with a known BRDF: energy, brightness, log error, grazing."""
-    from gonio.products import evaluate_run
+    from gonio.run.products import evaluate_run
 
     figures = evaluate_run(run, truth)
     if json:
@@ -49,7 +49,7 @@ def export(
     out: Annotated[Path | None, typer.Option(help="the file (or folder) to write [default: in the run]")] = None,
 ) -> None:
     """Write the BRDF or the samples in a format that other programs read."""
-    from gonio.products import export_run
+    from gonio.run.products import export_run
 
     typer.echo(export_run(run, format, out))
 
@@ -64,7 +64,7 @@ def report(
     ] = None,
 ) -> None:
     """Write report.html: samples, slices beside the truth, acceptance, a shaded sphere; or figures of the thesis."""
-    from gonio.products import make_figures, make_report
+    from gonio.run.products import make_figures, make_report
 
     if figures is None:
         typer.echo(make_report(run))
@@ -80,7 +80,7 @@ def render(
     spp: Annotated[int, typer.Option(help="samples per pixel")] = 256,
 ) -> None:
     """Render in Mitsuba 3: sphere and preview object, two skies; truth, ours, difference, with image metrics."""
-    from gonio.products import render_run
+    from gonio.run.products import render_run
 
     for line in render_run(run, truth, size, spp):
         typer.echo(line)

@@ -21,7 +21,7 @@ def doctor(
     ] = None,
 ) -> None:
     """Find, name and test the rig's devices; say what is missing and what to do. Exits with 3 where something is."""
-    from gonio.daemon.place import hold_hardware
+    from gonio.daemon.sockets import hold_hardware
 
     config = rig_config(rig)
     with hold_hardware(config):
@@ -92,23 +92,23 @@ def rig_config(rig: str):
 def _by_hand(rig: str, kind: str, params: dict[str, Any]) -> dict[str, Any]:
     """The job's result, from the rig's daemon or from a rig opened for it alone. Ctrl-C stops the motors first."""
     from gonio.commands.interrupt import Interrupt
-    from gonio.daemon import by_hand
+    from gonio.daemon import manual
     from gonio.daemon.client import find
-    from gonio.daemon.held import Held
-    from gonio.daemon.place import hold_hardware
+    from gonio.daemon.rig_owner import RigOwner
+    from gonio.daemon.sockets import hold_hardware
 
     config = rig_config(rig)
     if (client := find(config.name)) is not None:
         job = client.post(f"/jobs/{kind}", params or None)["job"]
         with Interrupt() as interrupt:
             return client.wait(job, interrupted=interrupt)["result"]
-    with Interrupt.at_once(), hold_hardware(config), Held(config) as held:
+    with Interrupt.at_once(), hold_hardware(config), RigOwner(config) as owner:
         if kind == "jog":
-            return by_hand.jog(held, params["axis"], params["degrees"])
+            return manual.jog(owner, params["axis"], params["degrees"])
         if kind == "measure":
             angles = tuple(params[k] for k in ("theta_i_deg", "phi_i_deg", "theta_o_deg", "phi_o_deg"))
-            return by_hand.measure(held, angles, params["truth"])  # type: ignore[arg-type]
-        return {"home": by_hand.home, "park": by_hand.park}[kind](held)
+            return manual.measure(owner, angles, params["truth"])  # type: ignore[arg-type]
+        return {"home": manual.home, "park": manual.park}[kind](owner)
 
 
 def _say_pose(result: dict[str, Any]) -> None:
@@ -132,6 +132,6 @@ def _doctor(config) -> list[str]:
         from drivers.doctor import doctor
 
         return list(doctor(config))
-    from gonio.daemon.checkup import checkup
+    from gonio.daemon.simulated_checkup import checkup
 
     return checkup(config)

@@ -31,7 +31,7 @@ def acquire(client, material: Material, out: Path | None) -> Path:
     if (flow := body["material"]["sampler"]["flow"])["weights"] is not None:
         flow["weights"] = str(Path(flow["weights"]).resolve())  # the daemon stands in another folder
     if out is not None:
-        from gonio.daemon.inside import relative
+        from gonio.daemon.request_paths import relative
 
         body["run"] = relative(runs, out)
     return _watch(client, client.post("/jobs/acquire", body)["job"])
@@ -39,7 +39,7 @@ def acquire(client, material: Material, out: Path | None) -> Path:
 
 def resume(client, run: Path, overrides: list[str]) -> Path:
     """As `acquire`; a run of this daemon's that is paused goes on."""
-    from gonio.daemon.inside import relative
+    from gonio.daemon.request_paths import relative
 
     state = client.state()
     job = state["job"] or {}

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from gonio.config import ConfigError
-from gonio.daemon.place import PlaceError, folder, socket_path
+from gonio.daemon.sockets import SocketsError, folder, socket_path
 from gonio.export.extra import needs
 
 POLL_S = 0.1
@@ -82,7 +82,7 @@ def find(rig: str) -> Client | None:
     """The daemon of this rig, None where none runs."""
     try:
         path = socket_path(rig)
-    except PlaceError:
+    except SocketsError:
         return None
     return Client(rig, path) if _answers(path) else None
 

@@ -16,12 +16,12 @@ from typing import Any
 from gonio.acquire import Interrupted
 from gonio.config.rig import RigConfig
 from gonio.daemon import health
-from gonio.daemon.board import Board
-from gonio.daemon.held import Held
+from gonio.daemon.rig_owner import RigOwner
+from gonio.daemon.status_board import StatusBoard
 from gonio.rig.errors import RigError
 
 log = logging.getLogger("gonio.daemon")
-Work = Callable[[Held], dict[str, Any]]
+Work = Callable[[RigOwner], dict[str, Any]]
 HEALTH_S = 2.0
 INSIST_S = 0.05
 
@@ -37,8 +37,8 @@ class Control:
 
     def __init__(self, config: RigConfig):
         self.config = config
-        self.board = Board(_about(config))
-        self.held = Held(config)
+        self.board = StatusBoard(_about(config))
+        self.owner = RigOwner(config)
         self._jobs: queue.SimpleQueue[Work | None] = queue.SimpleQueue()
         self._claim = threading.Lock()
         self._stopped, self._idle, self._go_on = threading.Event(), threading.Event(), threading.Event()
@@ -121,9 +121,9 @@ class Control:
 
     def look(self, now: bool = False) -> None:
         """Device health on the board, every two seconds."""
-        if self.held.rig is not None and (now or time.monotonic() - self._looked > HEALTH_S):
+        if self.owner.rig is not None and (now or time.monotonic() - self._looked > HEALTH_S):
             self._looked = time.monotonic()
-            self.board.write(devices=health.devices(self.held.rig))
+            self.board.write(devices=health.devices(self.owner.rig))
 
     # ---- the thread ------------------------------------------------------------------------------------------------
 
@@ -137,13 +137,13 @@ class Control:
             if work is None:
                 break
             self._do(work)
-        self._quietly(self.held.close)
+        self._quietly(self.owner.close)
 
     def _do(self, work: Work) -> None:
         result: dict[str, Any] = {}
         code, message = 0, ""
         try:
-            result = work(self.held)
+            result = work(self.owner)
             if self.stopped:
                 code, message = 130, "stopped by the operator"
         except Interrupted:
@@ -154,8 +154,8 @@ class Control:
             if not hasattr(e, "exit_code"):
                 log.exception("a job failed")
             if code in (1, 3):  # what failed is opened, configured and checked anew by the next job
-                self._quietly(self.held.close)
-        self._quietly(self.held.dark)
+                self._quietly(self.owner.close)
+        self._quietly(self.owner.dark)
         self._quietly(lambda: self.look(now=True))
         if (pose := result.get("pose_deg")) is not None:
             self.board.write(pose_deg=pose)
@@ -164,7 +164,7 @@ class Control:
         self._idle.set()
 
     def _halt(self) -> None:
-        self._quietly(self.held.stop)
+        self._quietly(self.owner.stop)
 
     def _insist(self) -> None:
         while self.stopped and not self._idle.wait(INSIST_S):

@@ -11,7 +11,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from gonio.daemon.board import Board
+from gonio.daemon.status_board import StatusBoard
 
 FIRST, GROWTH = 100, 1.25  # measurements; between two estimates
 PAUSE_S = 1.0
@@ -20,7 +20,7 @@ PAUSE_S = 1.0
 class Estimator:
     """Puts `estimate: {measured, ess, energy_error}` on the board's job, on a growing schedule and once at the end."""
 
-    def __init__(self, folder: Path, board: Board):
+    def __init__(self, folder: Path, board: StatusBoard):
         self._folder, self._board = folder, board
         self._job = board.state()["job"]["id"]
         self._closed, self._done = threading.Event(), False
@@ -58,9 +58,9 @@ class Estimator:
 def estimate(folder: Path) -> dict[str, Any]:
     """ess and energy_error of a run folder; None for what cannot be said yet."""
     from gonio.reconstruct import ReconstructionError
-    from gonio.run import read_config
-    from gonio.running import GoodEnough
-    from gonio.store import Store
+    from gonio.run.record.config import read_config
+    from gonio.run.record.store import Store
+    from gonio.run.stop_rules import GoodEnough
 
     with Store.open(folder, write=False) as store:
         so_far = GoodEnough(read_config(folder).material, store)

@@ -10,9 +10,9 @@ from gonio.acquire import Progress
 from gonio.config import Material
 from gonio.daemon.control import Control, Work
 from gonio.daemon.estimates import Estimator
-from gonio.daemon.held import Held
-from gonio.daemon.lent import LentRig
-from gonio.run import Run, resume, start
+from gonio.daemon.rig_owner import RigOwner
+from gonio.daemon.rig_view import RigView
+from gonio.run.start import Run, resume, start
 
 SHOWN_S = 0.05  # between two looks at the progress
 
@@ -28,8 +28,8 @@ def go_on_with(control: Control, folder: Path, overrides: tuple[str, ...] = ()) 
 
 
 def by_hand(act: Callable[..., dict[str, Any]], *args: Any) -> tuple[Work, dict[str, Any]]:
-    """home, park, jog, measure of gonio.daemon.by_hand."""
-    return (lambda held: act(held, *args)), {}
+    """home, park, jog, measure of gonio.daemon.manual."""
+    return (lambda owner: act(owner, *args)), {}
 
 
 def _drive(control: Control, run: Run) -> tuple[Work, dict[str, Any]]:
@@ -50,14 +50,14 @@ def _drive(control: Control, run: Run) -> tuple[Work, dict[str, Any]]:
             show(p)
         control.safe_point()
 
-    def work(held: Held) -> dict[str, Any]:
+    def work(owner: RigOwner) -> dict[str, Any]:
         estimator = Estimator(folder, board)
         done = False
         try:
             with run.nothing_left_behind():
-                rig = held.for_run(material, run.truth)
-            lent: Any = LentRig(rig, board, lambda: control.stopped)
-            reason = run(watch=watch, interrupted=lambda: control.stopped, rig=lent)
+                rig = owner.for_run(material, run.truth)
+            view: Any = RigView(rig, board, lambda: control.stopped)
+            reason = run(watch=watch, interrupted=lambda: control.stopped, rig=view)
             done = True
             return {"reason": reason}
         finally:

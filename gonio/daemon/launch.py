@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from gonio.config.rig import RigConfig
-from gonio.daemon import place
+from gonio.daemon import sockets
 from gonio.daemon.control import Control
 from gonio.export.extra import needs
 
@@ -71,7 +71,7 @@ def serve(config: RigConfig, runs: Path, tcp: int | None, say: Callable[[str], N
     """Own the rig until told to end (SIGTERM, SIGINT): then motors halt, the run is stored, the light goes off.
 
     tcp: None = Unix socket only; else also this port on 127.0.0.1 (0 = any), with a random token.
-    Raises PlaceError where the rig is taken, MissingExtra.
+    Raises SocketsError where the rig is taken, MissingExtra.
     """
     needs("fastapi", "daemon")
     needs("uvicorn", "daemon")
@@ -80,8 +80,8 @@ def serve(config: RigConfig, runs: Path, tcp: int | None, say: Callable[[str], N
 
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
     over = threading.Event()
-    with place.hold(config):
-        path = place.socket_path(config.name)
+    with sockets.hold(config):
+        path = sockets.socket_path(config.name)
         control = Control(config)
 
         def end(number: int, frame: Any) -> None:
@@ -89,7 +89,7 @@ def serve(config: RigConfig, runs: Path, tcp: int | None, say: Callable[[str], N
 
         before = {s: signal.signal(s, end) for s in (signal.SIGTERM, signal.SIGINT)}
         app = make_app(control, runs)
-        served: list[tuple[Any, socket.socket]] = [(app, place.listen(path))]
+        served: list[tuple[Any, socket.socket]] = [(app, sockets.listen(path))]
         say(f"rig   {config.name} ({config.depth}) on {path}")
         if tcp is not None:
             token = secrets.token_urlsafe(24)
@@ -115,6 +115,6 @@ def _loopback(port: int) -> socket.socket:
         sock.bind(("127.0.0.1", port))
     except (OSError, OverflowError) as e:
         sock.close()
-        raise place.PlaceError(f"--tcp {port}: {e}; take another port") from None
+        raise sockets.SocketsError(f"--tcp {port}: {e}; take another port") from None
     sock.listen(64)
     return sock

@@ -19,9 +19,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 import gonio
 from gonio.config import ConfigError, Material
-from gonio.daemon import by_hand, jobs
+from gonio.daemon import jobs, manual
 from gonio.daemon.control import Busy, Control
-from gonio.daemon.inside import RUN, run_folder, truth_name, weights_file
+from gonio.daemon.request_paths import RUN, run_folder, truth_name, weights_file
 
 PAGE = {"app.js": "text/javascript", "hemisphere.js": "text/javascript", "style.css": "text/css"}
 HEADERS = {
@@ -122,17 +122,17 @@ def make_app(control: Control, runs: Path) -> FastAPI:
     @app.post("/jobs/home", status_code=202, response_model=Accepted, responses=refusals)
     def home() -> Any:
         """Confirm the zero of every axis."""
-        return submit("home", lambda: jobs.by_hand(by_hand.home))
+        return submit("home", lambda: jobs.by_hand(manual.home))
 
     @app.post("/jobs/park", status_code=202, response_model=Accepted, responses=refusals)
     def park() -> Any:
         """Light off, arms to their pose of rest."""
-        return submit("park", lambda: jobs.by_hand(by_hand.park))
+        return submit("park", lambda: jobs.by_hand(manual.park))
 
     @app.post("/jobs/jog", status_code=202, response_model=Accepted, responses=refusals)
     def jog(body: JogBody) -> Any:
         """Turn one axis."""
-        return submit("jog", lambda: jobs.by_hand(by_hand.jog, body.axis, body.degrees))
+        return submit("jog", lambda: jobs.by_hand(manual.jog, body.axis, body.degrees))
 
     @app.post("/jobs/measure", status_code=202, response_model=Accepted, responses=refusals)
     def measure(body: MeasureBody) -> Any:
@@ -141,7 +141,7 @@ def make_app(control: Control, runs: Path) -> FastAPI:
 
         def prepare():
             truth = None if body.truth is None else truth_name(runs, body.truth)
-            return jobs.by_hand(by_hand.measure, angles, truth)
+            return jobs.by_hand(manual.measure, angles, truth)
 
         return submit("measure", prepare)
 

@@ -15,8 +15,8 @@ import os
 import numpy as np
 
 from gonio.brdf import Brdf, RglBrdf
-from gonio.brdf.tensor_file import write_tensor_file
-from gonio.brdf.warp import Interpolant, Warp
+from gonio.brdf.tables.tensor_file import write_tensor_file
+from gonio.brdf.tables.warp import Interpolant, Warp
 from gonio.evaluate import evaluate
 from gonio.export import ExportError, checked
 from gonio.export.profile import half_profile, half_width, projected_area, turns

@@ -1,6 +1,6 @@
 """Any isotropic `Brdf` as the thesis's own grids: incidences by sigma(theta_i), pdf and weights over half vectors.
 
-The .npz opens with `gonio.load_brdf`; its arrays are those of `gonio.brdf.slices.SlicesBrdf`.
+The .npz opens with `gonio.load_brdf`; its arrays are those of `gonio.brdf.tables.slices.SlicesBrdf`.
 """
 
 import os
@@ -8,9 +8,9 @@ import os
 import numpy as np
 
 from gonio.brdf import Brdf
-from gonio.brdf.ndf import GgxNdf
+from gonio.brdf.models.ndf import GgxNdf
 from gonio.brdf.saved import write_saved
-from gonio.brdf.slices import SlicesBrdf, half_vectors, incidence_grid, pdf_grid
+from gonio.brdf.tables.slices import SlicesBrdf, half_vectors, incidence_grid, pdf_grid
 from gonio.export import checked
 from gonio.export.profile import half_profile, half_width
 from gonio.geometry import from_angles, reflect

@@ -5,7 +5,7 @@ import os
 import numpy as np
 
 from gonio.brdf import Brdf
-from gonio.brdf.merl import SHAPE, write_merl_table
+from gonio.brdf.tables.merl import SHAPE, write_merl_table
 from gonio.export import ExportError, checked
 from gonio.geometry import Array, above_horizon, from_half_diff
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from gonio.atomic import replacing
 from gonio.brdf import Brdf
-from gonio.brdf.atomic import replacing
 from gonio.export import ExportError, checked
 from gonio.export.profile import half_profile, half_width
 from gonio.geometry import Array, from_angles, from_height, reflect

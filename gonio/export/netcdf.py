@@ -7,7 +7,7 @@ import numpy as np
 
 from gonio.export.extra import needs
 from gonio.geometry import to_half_diff
-from gonio.store import Store
+from gonio.run.record.store import Store
 
 
 def chain_arrays(store: Store) -> dict[str, np.ndarray]:

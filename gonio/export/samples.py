@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gonio.geometry import to_angles
 from gonio.mcmc.proposals import KINDS
-from gonio.store import Store
+from gonio.run.record.store import Store
 
 
 def step_table(store: Store) -> dict[str, NDArray]:

@@ -15,7 +15,7 @@ from typing import Protocol
 
 import numpy as np
 
-from gonio.brdf.ndf import GgxNdf
+from gonio.brdf.models.ndf import GgxNdf
 from gonio.geometry import Array, from_half_diff, half_vector, reflect, to_half_diff, unit
 
 PI = np.pi
@@ -143,7 +143,7 @@ class VndfCube(_AboutIncidence):
 
     def log_jacobian(self, x: Array, wi: Array, wo: Array) -> Array:
         h = half_vector(wi, wo)
-        # D G1 / (4 cos theta_i), as gonio.mcmc.lobes has it: no division by a cosine near 0
+        # D G1 / (4 cos theta_i), as gonio.mcmc.proposals.ggx_density has it: no division by a cosine near 0
         slope = (h[:, 0] ** 2 + h[:, 1] ** 2) / self.alpha**2 + h[:, 2] ** 2
         stretched = np.sqrt((wi[:, 0] ** 2 + wi[:, 1] ** 2) * self.alpha**2 + wi[:, 2] ** 2)
         log_pdf = -np.log(4 * PI * self.alpha**2) - 2 * np.log(slope) + np.log(2 / (wi[:, 2] + stretched))

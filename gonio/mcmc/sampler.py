@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gonio.geometry import Array
-from gonio.mcmc.chains import Chains
-from gonio.mcmc.draws import Draws
-from gonio.mcmc.history import History
-from gonio.mcmc.pilot import pilot_directions
+from gonio.mcmc.chain.chains import Chains
+from gonio.mcmc.chain.draws import Draws
+from gonio.mcmc.chain.history import History
+from gonio.mcmc.chain.pilot import pilot_directions
+from gonio.mcmc.chain.round import Round
+from gonio.mcmc.chain.steps import StepLog, Steps
 from gonio.mcmc.proposals import INDEPENDENCE, LOCAL, PILOT
-from gonio.mcmc.round import Round
-from gonio.mcmc.steps import StepLog, Steps
 from gonio.mcmc.target import Target
 
 MAX_FREE_ROUNDS = 10_000

@@ -10,14 +10,14 @@ from gonio.reconstruct.samples import Samples
 __all__ = ["MODELS", "ReconstructionError", "Samples", "reconstruct"]
 
 MODELS = {
-    "auto": "gonio.reconstruct.auto",
-    "ggx": "gonio.reconstruct.ggx",
-    "lobes": "gonio.reconstruct.lobes",
-    "abc": "gonio.reconstruct.abc",
-    "thesis": "gonio.reconstruct.thesis",
-    "flow": "gonio.reconstruct.flow",
-    "flow_hd": "gonio.reconstruct.flow_hd",
-    "auto_flow": "gonio.reconstruct.auto_flow",
+    "auto": "gonio.reconstruct.splines.auto",
+    "ggx": "gonio.reconstruct.fits.ggx",
+    "lobes": "gonio.reconstruct.fits.lobes",
+    "abc": "gonio.reconstruct.fits.abc",
+    "thesis": "gonio.reconstruct.fits.thesis",
+    "flow": "gonio.reconstruct.flows.flow",
+    "flow_hd": "gonio.reconstruct.flows.flow_hd",
+    "auto_flow": "gonio.reconstruct.flows.auto_flow",
 }
 
 

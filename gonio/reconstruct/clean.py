@@ -38,6 +38,13 @@ def clean(samples: Samples) -> Samples:
     return s
 
 
+def usable(samples: Samples) -> Samples:
+    """The cleaned, unsaturated measurements, values below 0 (dark subtraction) set to 0. Raises ReconstructionError."""
+    s = clean(samples)
+    s = s[~s.saturated]
+    return Samples(s.wi, s.wo, np.maximum(s.f, 0), s.sigma, s.saturated)
+
+
 def _replicates_averaged(s: Samples) -> Samples:
     if not len(s):
         return s

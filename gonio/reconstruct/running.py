@@ -7,15 +7,15 @@ floor, since a surrogate that says 0 where the sample does not would close that 
 import numpy as np
 
 from gonio.geometry import Array
-from gonio.reconstruct.auto import Problem, peak_width
 from gonio.reconstruct.clean import clean
-from gonio.reconstruct.frame import Coordinates, Frame
-from gonio.reconstruct.grain import Grain
-from gonio.reconstruct.held_out import EnergyError
-from gonio.reconstruct.isotropic import Isotropic
-from gonio.reconstruct.patches import Patches, left_out
-from gonio.reconstruct.sampled import Sampled
 from gonio.reconstruct.samples import Samples
+from gonio.reconstruct.splines.auto import Problem, peak_width
+from gonio.reconstruct.splines.frame import Coordinates, Frame
+from gonio.reconstruct.splines.grain import Grain
+from gonio.reconstruct.splines.held_out import EnergyError
+from gonio.reconstruct.splines.isotropic import Isotropic
+from gonio.reconstruct.splines.patches import Patches, left_out
+from gonio.reconstruct.tables.sampled import Sampled
 
 TESTED = 300
 FLOOR = 0.01

@@ -15,7 +15,7 @@ from gonio.mcmc import diagnostics
 from gonio.mcmc.proposals import KINDS
 from gonio.reconstruct.samples import Samples
 from gonio.render import figures
-from gonio.store import Store
+from gonio.run.record.store import Store
 
 STYLE = """
 body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:64rem;padding:0 1rem;color:#1c1e21;background:#fff}

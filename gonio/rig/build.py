@@ -9,16 +9,17 @@ from gonio.config import rig as config_of
 from gonio.config.rig import RigConfig
 from gonio.geometry import Array, unit
 from gonio.rig.calibration import CameraCalibration, GeometryCalibration, RadiometryCalibration, load_calibration
-from gonio.rig.chain import Chain, Joint
 from gonio.rig.devices import Axis
-from gonio.rig.envelope import Envelope
 from gonio.rig.errors import CalibrationMissing
-from gonio.rig.frames import Frames, load_frames
-from gonio.rig.gimbal import Gimbal
-from gonio.rig.kinematics import Gantry, Kinematics
-from gonio.rig.offsets import Offsets
-from gonio.rig.radiometry import Radiometry, nominal
-from gonio.rig.view import View, facing, rotation_of
+from gonio.rig.kinematics.base import Kinematics
+from gonio.rig.kinematics.chain import Chain, Joint
+from gonio.rig.kinematics.gantry import Gantry
+from gonio.rig.kinematics.gimbal import Gimbal
+from gonio.rig.kinematics.offsets import Offsets
+from gonio.rig.motion.envelope import Envelope
+from gonio.rig.signal.frames import Frames, load_frames
+from gonio.rig.signal.radiometry import Radiometry, nominal
+from gonio.rig.signal.view import View, facing, rotation_of
 
 X, Y, Z = np.eye(3)
 

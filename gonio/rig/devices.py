@@ -71,7 +71,7 @@ class Stage(Protocol):
 
 
 class Detector(Protocol):
-    """Reads (C,) signals in a unit of its own, which `gonio.rig.radiometry` turns into f."""
+    """Reads (C,) signals in a unit of its own, which `gonio.rig.signal.radiometry` turns into f."""
 
     def expect(self, signal: Array | None) -> None:
         """About what the next reading will be, None = unknown: saves trials of ranges or exposures. May be ignored."""

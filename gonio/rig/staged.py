@@ -19,17 +19,17 @@ from numpy.typing import NDArray
 from gonio.config.plan import PlanConfig
 from gonio.config.rig import RigConfig
 from gonio.geometry import Array
-from gonio.rig.approach import Approach
 from gonio.rig.build import park_pose
 from gonio.rig.clock import Clock, VirtualClock
 from gonio.rig.devices import Detector, Light, Stage, Visited
-from gonio.rig.envelope import Envelope
 from gonio.rig.errors import RigError, SafetyStop
-from gonio.rig.levels import Levels
-from gonio.rig.motion import move_time
-from gonio.rig.pending import Pending
-from gonio.rig.plan import Planner
-from gonio.rig.radiometry import Dark, Radiometry
+from gonio.rig.motion.approach import Approach
+from gonio.rig.motion.envelope import Envelope
+from gonio.rig.motion.pending import Pending
+from gonio.rig.motion.plan import Planner
+from gonio.rig.motion.profile import move_time
+from gonio.rig.signal.levels import Levels
+from gonio.rig.signal.radiometry import Dark, Radiometry
 
 ROUTES = 5  # tried to one pose, where servos stop short of the waypoints of those before
 BRAKING_S = 0.05  # after which arms that were told to stop in full motion are at rest

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import minimize, nnls
 
 from gonio.brdf import Ggx, RglBrdf
-from gonio.brdf.fitted import SPLINES, FittedBrdf, basis
+from gonio.brdf.models.fitted import SPLINES, FittedBrdf, basis
 from gonio.evaluate import evaluate
 from gonio.geometry import Array, from_angles, from_height, reflect, to_half_diff
 

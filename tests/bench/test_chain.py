@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gonio.bench.throughput import Config, _rounds, _sampler, emcee_steps_per_second
-from gonio.brdf.microfacet import Ggx
+from gonio.bench.speed.throughput import Config, _rounds, _sampler, emcee_steps_per_second
+from gonio.brdf.models.microfacet import Ggx
 
 BRDF = Ggx(0.2)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gonio.brdf.ndf import GgxNdf
+from gonio.brdf.models.ndf import GgxNdf
 from gonio.geometry import from_angles
 
 

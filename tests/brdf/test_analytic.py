@@ -7,9 +7,9 @@ import pytest
 from brdf.halfsquare import integrals, p_value, sample_p_value
 
 from gonio.brdf import Abc, Beckmann, Brdf, Ggx, Lambert, Mixture
-from gonio.brdf.fresnel import conductor
-from gonio.brdf.ndf import GgxNdf
-from gonio.brdf.student import Student, StudentNdf
+from gonio.brdf.models.fresnel import conductor
+from gonio.brdf.models.ndf import GgxNdf
+from gonio.brdf.models.student import Student, StudentNdf
 from gonio.geometry import from_angles
 
 ALPHAS = [1e-3, 0.01, 0.1, 0.4, 1.0]

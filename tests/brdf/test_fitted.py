@@ -9,8 +9,8 @@ from brdf.halfsquare import sample_p_value
 
 import gonio
 from gonio.brdf import BrdfFileError, RglBrdf
-from gonio.brdf.fitted import SPLINES, FittedBrdf, basis
 from gonio.brdf.library import find
+from gonio.brdf.models.fitted import SPLINES, FittedBrdf, basis
 from gonio.evaluate import evaluate
 from gonio.geometry import from_angles
 

@@ -9,8 +9,8 @@ import pytest
 from brdf.tables import isotropic_fields
 
 from gonio.brdf import BrdfFileError, MerlBrdf, RglBrdf
-from gonio.brdf import merl as merl_module
-from gonio.brdf.tensor_file import write_tensor_file
+from gonio.brdf.tables import merl as merl_module
+from gonio.brdf.tables.tensor_file import write_tensor_file
 from gonio.geometry import from_angles
 
 CASES = 10_000

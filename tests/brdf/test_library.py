@@ -8,7 +8,7 @@ import pytest
 from brdf.tables import isotropic_fields
 
 from gonio.brdf import BrdfFileError, library
-from gonio.brdf.tensor_file import write_tensor_file
+from gonio.brdf.tables.tensor_file import write_tensor_file
 
 
 @pytest.fixture

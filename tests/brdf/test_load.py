@@ -6,9 +6,9 @@ from brdf.tables import isotropic_fields
 
 import gonio
 from gonio.brdf import Abc, Beckmann, BrdfFileError, Ggx, Lambert, MerlBrdf, Mixture, NetworkBrdf, RglBrdf
-from gonio.brdf.merl import SHAPE, write_merl_table
-from gonio.brdf.student import Student
-from gonio.brdf.tensor_file import write_tensor_file
+from gonio.brdf.models.student import Student
+from gonio.brdf.tables.merl import SHAPE, write_merl_table
+from gonio.brdf.tables.tensor_file import write_tensor_file
 from gonio.geometry import from_angles
 from gonio.load import save_brdf
 

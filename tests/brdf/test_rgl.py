@@ -6,7 +6,7 @@ from brdf.halfsquare import integrals, p_value, sample_p_value
 from brdf.tables import anisotropic_fields, isotropic_fields
 
 from gonio.brdf import BrdfFileError, NetworkBrdf, RglBrdf
-from gonio.brdf.tensor_file import read_tensor_file, write_tensor_file
+from gonio.brdf.tables.tensor_file import read_tensor_file, write_tensor_file
 from gonio.geometry import from_angles, reflect
 
 WIDTHS = {"paper_white": 0.5, "satin_rosaline": 0.05, "cg_sunflower": 0.004, "chm_orange": 0.002}

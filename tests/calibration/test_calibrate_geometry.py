@@ -8,15 +8,15 @@ from typer.testing import CliRunner
 
 from calibration.geometry import Observation, calibrate_geometry
 from calibration.observations import read_observations
-from gonio.brdf.lambert import Lambert
+from gonio.brdf.models.lambert import Lambert
 from gonio.cli import app
 from gonio.config import load_config
 from gonio.config.rig import CalibrationFiles, RigConfig
 from gonio.geometry import half_vector, unit
 from gonio.rig.build import gantry_chain, kinematics_of
 from gonio.rig.errors import CalibrationMissing
-from gonio.rig.offsets import Offsets
-from gonio.rigs import open_rig
+from gonio.rig.kinematics.offsets import Offsets
+from gonio.run.open_rig import open_rig
 from tests.conftest import ROOT
 
 SIM = load_config(ROOT / "configs/rigs/sim.yaml", RigConfig)

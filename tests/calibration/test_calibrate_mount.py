@@ -15,7 +15,7 @@ from gonio.config.rig import RigConfig
 from gonio.rig.build import view_of
 from gonio.rig.calibration import CameraCalibration, load_calibration
 from gonio.rig.errors import CalibrationMissing
-from gonio.rig.view import rotation_of
+from gonio.rig.signal.view import rotation_of
 from sim.lit_patch import astray
 from tests.conftest import ROOT
 

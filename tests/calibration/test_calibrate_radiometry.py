@@ -14,7 +14,7 @@ from gonio.geometry import from_angles
 from gonio.rig.build import nominal_radiometry
 from gonio.rig.calibration import RadiometryCalibration, load_calibration, save_calibration
 from gonio.rig.errors import CalibrationMissing
-from gonio.rigs import open_rig
+from gonio.run.open_rig import open_rig
 from tests.conftest import ROOT
 
 SIM = load_config(ROOT / "configs/rigs/sim.yaml", RigConfig)

@@ -9,13 +9,13 @@ pytest.importorskip("fastapi", reason="needs the extra `daemon`")
 from gonio.config import Material, load_config
 from gonio.config.find import find_config
 from gonio.config.rig import RigConfig
-from gonio.daemon import by_hand, held, jobs
+from gonio.daemon import jobs, manual, rig_owner
 from gonio.daemon.control import Busy, Control
 from gonio.daemon.launch import Web
-from gonio.daemon.place import PlaceError, hold, listen
 from gonio.daemon.server import make_app
+from gonio.daemon.sockets import SocketsError, hold, listen
 from gonio.rig.errors import DeviceFault
-from gonio.rigs import open_rig
+from gonio.run.open_rig import open_rig
 from tests.daemon.conftest import httpx, material
 
 
@@ -70,7 +70,7 @@ def rigs(monkeypatch):
         Rigs.opened.append(Wrapped(open_rig(*args, **kwargs), Rigs.visit))
         return Rigs.opened[-1]
 
-    monkeypatch.setattr(held, "open_rig", opening)
+    monkeypatch.setattr(rig_owner, "open_rig", opening)
     return Rigs
 
 
@@ -121,26 +121,26 @@ def test_after_a_fault_the_rig_is_opened_anew(control, rigs, tmp_path):
     assert control.wait(60)
     state = control.board.state()
     assert state["state"] == "fault" and state["job"]["code"] == 3 and "let it cool" in state["job"]["message"]
-    assert rigs.opened[0].closed == 1 and control.held.rig is None
+    assert rigs.opened[0].closed == 1 and control.owner.rig is None
     rigs.visit = lambda rig, *asked: rig._rig.visit(*asked)
-    control.submit("measure", lambda: jobs.by_hand(by_hand.measure, (10, 0, 30, 180), None))
+    control.submit("measure", lambda: jobs.by_hand(manual.measure, (10, 0, 30, 180), None))
     assert control.wait(60) and control.board.state()["state"] == "idle" and len(rigs.opened) == 2
 
 
 def test_a_bug_ends_the_job_and_not_the_thread(control, caplog):
-    control.submit("odd", lambda: ((lambda held: 1 / 0), {}))
+    control.submit("odd", lambda: ((lambda owner: 1 / 0), {}))
     assert control.wait(30)
     job = control.board.state()["job"]
     assert job["code"] == 1 and "ZeroDivisionError" in job["message"] and "a job failed" in caplog.text
-    control.submit("even", lambda: ((lambda held: {}), {}))
+    control.submit("even", lambda: ((lambda owner: {}), {}))
     assert control.wait(30) and control.board.state()["job"]["code"] == 0
 
 
 def test_one_job_at_a_time(control):
     go = threading.Event()
-    control.submit("long", lambda: ((lambda held: go.wait() and {}), {}))
+    control.submit("long", lambda: ((lambda owner: go.wait() and {}), {}))
     with pytest.raises(Busy, match="busy with long"):
-        control.submit("other", lambda: ((lambda held: {}), {}))
+        control.submit("other", lambda: ((lambda owner: {}), {}))
     assert not control.pause(), "nothing by hand can be paused"
     go.set()
     assert control.wait(30)
@@ -162,7 +162,7 @@ def test_the_light_is_off_when_nothing_runs(tmp_path):
     try:
         submit_run(control, tmp_path / "r", 20)
         assert control.wait(60) and control.board.state()["job"]["code"] == 0
-        assert control.held.rig.light.power() == 0
+        assert control.owner.rig.light.power() == 0
     finally:
         control.close()
 
@@ -207,7 +207,11 @@ def test_the_web_hangs_and_dies_and_the_run_does_not_care(control, tmp_path):
 def test_rigs_on_one_port_exclude_each_other(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     bench = load_config(find_config("bench", "rigs"), RigConfig)
-    with hold(bench), pytest.raises(PlaceError, match="another process"), hold(bench.model_copy(update={"name": "b"})):
+    with (
+        hold(bench),
+        pytest.raises(SocketsError, match="another process"),
+        hold(bench.model_copy(update={"name": "b"})),
+    ):
         pass
     with hold(bench.model_copy(update={"name": "b"})):
         pass
@@ -217,5 +221,5 @@ def test_a_folder_open_to_others_is_refused(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     (tmp_path / "gonio").mkdir(mode=0o755)
     (tmp_path / "gonio").chmod(0o755)
-    with pytest.raises(PlaceError, match="0700"), hold(load_config(find_config("sim", "rigs"), RigConfig)):
+    with pytest.raises(SocketsError, match="0700"), hold(load_config(find_config("sim", "rigs"), RigConfig)):
         pass

@@ -10,7 +10,7 @@ import numpy as np
 from gonio.brdf.library import find
 from gonio.geometry import from_angles
 from gonio.load import load_brdf
-from gonio.store import Store
+from gonio.run.record.store import Store
 from tests.daemon.conftest import Daemon, httpx, material
 
 

@@ -17,7 +17,7 @@ from gonio.config import ConfigError, load_config
 from gonio.config.find import find_config
 from gonio.config.rig import RigConfig
 from gonio.daemon.control import Control
-from gonio.daemon.inside import run_folder, truth_name, weights_file
+from gonio.daemon.request_paths import run_folder, truth_name, weights_file
 from gonio.daemon.server import make_app
 from tests.daemon.conftest import material
 

@@ -7,10 +7,10 @@ import pytest
 
 from drivers.doctor import doctor
 from drivers.latency import too_slow
-from gonio.brdf.lambert import Lambert
+from gonio.brdf.models.lambert import Lambert
 from gonio.config import load_config
 from gonio.config.rig import CameraDeviceConfig, DevicesConfig, RigConfig
-from gonio.rigs import open_rig
+from gonio.run.open_rig import open_rig
 from sim.camera import SimFrames
 from sim.sample import Sample
 from sim.wire.rig import Emulators

@@ -12,7 +12,7 @@ from drivers.dynamixel.stage import COUNT, DynamixelStage
 from gonio.rig.build import envelope_of
 from gonio.rig.clock import VirtualClock
 from gonio.rig.errors import DeviceFault, SafetyStop
-from gonio.rig.motion import move_time
+from gonio.rig.motion.profile import move_time
 from sim.wire.servo import Servo
 from tests.drivers.bench import AXES, IDS, WIRE, Bench, pose
 

@@ -8,8 +8,8 @@ import pytest
 from drivers.photodiode import Photodiode
 from drivers.text_line import TextLine
 from gonio.config.detectors import PhotodiodeConfig
-from gonio.rig.averaging import readings_needed, sigma_of
 from gonio.rig.clock import ScaledClock, VirtualClock
+from gonio.rig.signal.averaging import readings_needed, sigma_of
 from sim.photodiode import SimPhotodiode
 from sim.wire.line import Line, Server
 from sim.wire.photodiode import WirePhotodiode

@@ -5,7 +5,7 @@ import pytest
 from brdf.halfsquare import sample_p_value
 
 from gonio.brdf import Ggx, Lambert, Mixture, RglBrdf
-from gonio.brdf.tensor_file import read_tensor_file
+from gonio.brdf.tables.tensor_file import read_tensor_file
 from gonio.evaluate import evaluate
 from gonio.export import ExportError
 from gonio.export.bsdf import as_brdf, write_bsdf

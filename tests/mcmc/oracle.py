@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from gonio.brdf.lambert import Lambert
-from gonio.brdf.microfacet import Ggx
-from gonio.brdf.mixture import Mixture
+from gonio.brdf.models.lambert import Lambert
+from gonio.brdf.models.microfacet import Ggx
+from gonio.brdf.models.mixture import Mixture
 from gonio.geometry import above_horizon, from_half_diff, to_half_diff
 from gonio.mcmc.sampler import Sampler
 from gonio.mcmc.target import Target

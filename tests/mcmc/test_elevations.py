@@ -5,7 +5,7 @@ import pytest
 from oracle import exact_bins, glossy, p_value, run
 from scipy.stats import chi2
 
-from gonio.mcmc.auto import IN_ANGLE, Auto, isotropic_dictionary, leant, log_lean
+from gonio.mcmc.plans.auto import IN_ANGLE, Auto, isotropic_dictionary, leant, log_lean
 from gonio.mcmc.proposals.independence import ELEVATIONS, EVEN, Dictionary, Mixture, even_in_angle
 from gonio.mcmc.target import Target
 
@@ -78,7 +78,7 @@ def test_negative_control_a_lean_that_the_ratio_forgets_is_found(monkeypatch):
     """Draws from the leant mixture, weights of the one that does not lean."""
     target = Target(0, 1.0, 0.0, 1)
     bins = exact_bins(BRDF, target)
-    monkeypatch.setattr("gonio.mcmc.auto.IN_ANGLE", 0.5)
+    monkeypatch.setattr("gonio.mcmc.plans.auto.IN_ANGLE", 0.5)
     assert p_value(run(Auto(block=8, anisotropic=False), BRDF, chains=3000, steps=40, seed=13), bins) > 1e-4
 
     right = Mixture.log_prob

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from gonio.bench.drive import driven_by
-from gonio.brdf.lambert import Lambert
-from gonio.brdf.microfacet import Ggx
-from gonio.brdf.mixture import Mixture
+from gonio.brdf.models.lambert import Lambert
+from gonio.brdf.models.microfacet import Ggx
+from gonio.brdf.models.mixture import Mixture
 from gonio.config import Material
 from gonio.flow import shipped
 from gonio.flow.cubes import make_cube

@@ -6,8 +6,8 @@ from scipy import stats
 from scipy.integrate import quad
 
 from gonio.mcmc import diagnostics as d
-from gonio.mcmc.boundary import reflect, wrap
-from gonio.mcmc.draws import ROWS, Draws
+from gonio.mcmc.chain.boundary import reflect, wrap
+from gonio.mcmc.chain.draws import ROWS, Draws
 from gonio.mcmc.proposals.vmf import log_vmf, log_vmf_between, sample_vmf
 
 

@@ -5,10 +5,9 @@ import pytest
 from oracle import exact_bins, glossy, mean_error, p_value, run
 
 from gonio.config.material import SamplerConfig
-from gonio.mcmc import auto
-from gonio.mcmc.auto import Auto
-from gonio.mcmc.delayed import Delayed
-from gonio.mcmc.plans import Fixed, make_plan, plain_proposal
+from gonio.mcmc.plans import Fixed, auto, make_plan, plain_proposal
+from gonio.mcmc.plans.auto import Auto
+from gonio.mcmc.plans.delayed import Delayed
 from gonio.mcmc.proposals.pss_ndf import PssNdf
 from gonio.mcmc.proposals.pss_simple import PssSimple
 from gonio.mcmc.proposals.screened import KEPT, Screened, ratios

@@ -161,7 +161,7 @@ def test_start_far_from_a_tiny_support_is_found():
 
 
 def peak(alpha, scale=1.0):
-    from gonio.brdf.microfacet import Ggx
+    from gonio.brdf.models.microfacet import Ggx
 
     return Ggx(alpha, None, 1.0, weight=scale)
 

@@ -7,7 +7,7 @@ from reconstruct.pss_chain import samples
 from gonio.brdf import Abc, RglBrdf
 from gonio.evaluate import evaluate
 from gonio.reconstruct import ReconstructionError, reconstruct
-from gonio.reconstruct.log_nnls import log_nnls
+from gonio.reconstruct.fits.log_nnls import log_nnls
 
 
 @pytest.mark.parametrize("b, c", [(300.0, 2.0), (3e5, 1.2)])

@@ -5,11 +5,11 @@ import pytest
 from truths import GLOSSY, energy_error, samples
 
 from gonio.reconstruct import ReconstructionError, Samples, reconstruct
-from gonio.reconstruct.auto import Problem
 from gonio.reconstruct.clean import clean
-from gonio.reconstruct.isotropic import Isotropic
-from gonio.reconstruct.outliers import outliers
 from gonio.reconstruct.running import fit as fit_running
+from gonio.reconstruct.splines.auto import Problem
+from gonio.reconstruct.splines.isotropic import Isotropic
+from gonio.reconstruct.splines.outliers import outliers
 
 S = samples(GLOSSY, 1500)
 RNG = np.random.default_rng(7)

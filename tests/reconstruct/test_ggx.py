@@ -7,7 +7,7 @@ from reconstruct.pss_chain import samples
 from gonio.brdf import Ggx
 from gonio.geometry import from_angles
 from gonio.reconstruct import ReconstructionError, Samples, reconstruct
-from gonio.reconstruct.ggx import fit_cosine_weighted
+from gonio.reconstruct.fits.ggx import fit_cosine_weighted
 
 COLOURS = [0.8, 0.5, 0.2]
 

@@ -7,13 +7,13 @@ from truths import BRUSHED, GLOSSY, pairs, samples
 
 from gonio.geometry import from_angles, reflect, to_half_diff
 from gonio.reconstruct import reconstruct
-from gonio.reconstruct.grain import Grain
-from gonio.reconstruct.half_grid import HalfGrid
-from gonio.reconstruct.isotropic import Isotropic
-from gonio.reconstruct.lookup import Lookup, nodes
-from gonio.reconstruct.patches import Patches, left_out
-from gonio.reconstruct.residual import LogRatio
-from gonio.reconstruct.robust_base import Angles, RobustBase, dictionary
+from gonio.reconstruct.splines.grain import Grain
+from gonio.reconstruct.splines.isotropic import Isotropic
+from gonio.reconstruct.splines.patches import Patches, left_out
+from gonio.reconstruct.splines.residual import LogRatio
+from gonio.reconstruct.splines.robust_base import Angles, RobustBase, dictionary
+from gonio.reconstruct.tables.half_grid import HalfGrid
+from gonio.reconstruct.tables.lookup import Lookup, nodes
 
 RNG = np.random.default_rng(11)
 
@@ -72,7 +72,7 @@ def test_left_out_is_what_the_spline_without_the_sample_says():
     x = RNG.random((35, 3))
     y = np.cos(2 * x[:, :1]) + x[:, 1:2]
     said = left_out(x, y, np.zeros(35), np.arange(35), neighbours=35)
-    from gonio.reconstruct import patches
+    from gonio.reconstruct.splines import patches
 
     for k in (0, 17, 34):
         rest = np.arange(35) != k
@@ -188,7 +188,7 @@ def _chi_square(grid, wi, wo, pdf) -> float:
 
 def test_table_says_what_the_splines_say():
     """One-off tabulation: its own error, and a coarser one as the control that the measure sees it."""
-    from gonio.reconstruct.auto import Problem
+    from gonio.reconstruct.splines.auto import Problem
 
     s = samples(GLOSSY, 1500)
     p = Problem.of(s, Isotropic(), np.random.default_rng(0))

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 import gonio
-from gonio.brdf.lambert import Lambert
-from gonio.brdf.microfacet import Ggx
-from gonio.brdf.mixture import Mixture
+from gonio.brdf.models.lambert import Lambert
+from gonio.brdf.models.microfacet import Ggx
+from gonio.brdf.models.mixture import Mixture
 from gonio.flow import shipped
 from gonio.flow.cubes import make_cube
 from gonio.flow.density import FlowDensity
 from gonio.geometry import from_angles
 from gonio.load import save_brdf
 from gonio.reconstruct import ReconstructionError, Samples, reconstruct
-from gonio.reconstruct import flow as second_stage
+from gonio.reconstruct.flows import flow as second_stage
 
 TRUTH = Mixture([Lambert([0.5, 0.1, 0.02]), Ggx(0.15, None, [0.9, 0.5, 0.05])])
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from gonio.bench.reconstruction import Config, run
+from gonio.bench.accuracy.reconstruction import Config, run
 
 
 def test_study_prints_judges_and_plots(tmp_path):
@@ -30,7 +30,7 @@ def test_study_prints_judges_and_plots(tmp_path):
 def test_networks_are_spelled_out(shared_dir):
     file = shared_dir / "materials" / "nbrdf" / "nbrdf.npz"
     config = Config(study="reconstruction", materials=(f"{file}:*",), every=25)
-    from gonio.bench.reconstruction import materials
+    from gonio.bench.accuracy.reconstruction import materials
 
     names = materials(config)
     assert len(names) == 5 and all(n.startswith(f"{file}:") for n in names)
@@ -42,7 +42,7 @@ def test_unknown_keys_are_errors():
 
 
 def test_rendered_study_says_what_is_seen(tmp_path):
-    from gonio.bench import rendered
+    from gonio.bench.accuracy import rendered
 
     lines: list[str] = []
     config = rendered.Config(
@@ -55,7 +55,7 @@ def test_rendered_study_says_what_is_seen(tmp_path):
 
 def test_psnr_without_the_noise_of_the_renders():
     """A known difference of 0.01 under noise of 0.05: found; by one render alone it would be drowned."""
-    from gonio.bench.rendered import noise_free_psnr
+    from gonio.bench.accuracy.rendered import noise_free_psnr
     from gonio.render.shade import psnr
 
     rng = np.random.default_rng(0)
@@ -66,7 +66,7 @@ def test_psnr_without_the_noise_of_the_renders():
 
 
 def test_speed_study_measures_cost_and_table(tmp_path):
-    from gonio.bench import reconstruction_speed as study
+    from gonio.bench.speed import reconstruction_speed as study
 
     lines: list[str] = []
     config = study.Config(
@@ -85,8 +85,9 @@ def test_speed_study_measures_cost_and_table(tmp_path):
 
 
 def test_ablations_change_one_constant_and_put_it_back(tmp_path, monkeypatch):
-    from gonio.bench import ablations
-    from gonio.reconstruct import reconstruct, stretch
+    from gonio.bench.accuracy import ablations
+    from gonio.reconstruct import reconstruct
+    from gonio.reconstruct.splines import stretch
 
     seen = []
 

@@ -6,12 +6,12 @@ from brdf.halfsquare import sample_p_value
 from reconstruct.pss_chain import samples
 
 from gonio.brdf import Ggx, Lambert, Mixture, RglBrdf
-from gonio.brdf.slices import incidence_grid, pdf_grid
+from gonio.brdf.tables.slices import incidence_grid, pdf_grid
 from gonio.evaluate import evaluate
 from gonio.geometry import from_angles
 from gonio.load import load_brdf, save_brdf
 from gonio.reconstruct import ReconstructionError, reconstruct
-from gonio.reconstruct.laplace import fill_holes
+from gonio.reconstruct.fits.laplace import fill_holes
 
 # energy_median at 10,000 samples as METHOD.md's section 6 has it; the glossy ones scatter with the seed by a third
 TABLE = {"paper_white": 0.007, "cc_ibiza_sunset": 0.040, "satin_rosaline": 0.052}

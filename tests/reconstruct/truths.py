@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from gonio.bench.reconstruction_speed import brushed_error
+from gonio.bench.speed.reconstruction_speed import brushed_error
 from gonio.brdf import Beckmann, Ggx, Lambert, Mixture
 from gonio.geometry import Array, from_angles
 from gonio.reconstruct import Samples

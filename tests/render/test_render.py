@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from gonio.brdf.lambert import Lambert
-from gonio.brdf.microfacet import Ggx
-from gonio.brdf.mixture import Mixture
+from gonio.brdf.models.lambert import Lambert
+from gonio.brdf.models.microfacet import Ggx
+from gonio.brdf.models.mixture import Mixture
 from gonio.render.environment import ENVIRONMENTS
 from gonio.render.objects import preview
 from gonio.render.shade import psnr, render_sphere, to_srgb

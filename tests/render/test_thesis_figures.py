@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gonio.brdf.lambert import Lambert
-from gonio.brdf.microfacet import Ggx
-from gonio.brdf.mixture import Mixture
+from gonio.brdf.models.lambert import Lambert
+from gonio.brdf.models.microfacet import Ggx
+from gonio.brdf.models.mixture import Mixture
 from gonio.config import ConfigError
 from gonio.evaluate import directions
 from gonio.reconstruct import Samples, reconstruct
@@ -116,7 +116,7 @@ def test_nodes_drawn_by_the_right_lobe_lose_little_those_by_a_wrong_one_much():
 
 
 def test_no_such_figure(tmp_path):
-    from gonio.products import make_figures
+    from gonio.run.products import make_figures
 
     with pytest.raises(ConfigError, match=r"--figures 7\.1: not `thesis` or one of 5\.1"):
         make_figures(tmp_path, "7.1")

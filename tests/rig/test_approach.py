@@ -5,9 +5,9 @@ import pytest
 
 from gonio.config import load_config
 from gonio.config.rig import RigConfig
-from gonio.rig.approach import Approach
 from gonio.rig.build import envelope_of
-from gonio.rig.motion import move_time
+from gonio.rig.motion.approach import Approach
+from gonio.rig.motion.profile import move_time
 from tests.conftest import ROOT
 
 SIM = load_config(ROOT / "configs/rigs/sim.yaml", RigConfig)

@@ -8,9 +8,9 @@ from gonio.config.loader import parse_config
 from gonio.config.rig import RigConfig
 from gonio.geometry import from_angles
 from gonio.rig.build import envelope_of, gantry_chain, gimbal_chain, kinematics_of
-from gonio.rig.gimbal import Gimbal
-from gonio.rig.kinematics import Gantry
-from gonio.rig.offsets import Offsets
+from gonio.rig.kinematics.gantry import Gantry
+from gonio.rig.kinematics.gimbal import Gimbal
+from gonio.rig.kinematics.offsets import Offsets
 from tests.conftest import ROOT
 
 NEAR = np.array([0.1, 0.2, 0.3, 0.4])

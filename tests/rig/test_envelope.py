@@ -10,12 +10,12 @@ from gonio.config.plan import PlanConfig
 from gonio.config.rig import FaultsConfig, RigConfig
 from gonio.geometry import from_angles
 from gonio.rig.build import envelope_of, gantry_chain, park_pose
-from gonio.rig.envelope import Envelope
 from gonio.rig.errors import DeviceFault
-from gonio.rig.motion import move_time
-from gonio.rig.plan import Planner
-from gonio.rig.route import route
-from gonio.rigs import open_rig
+from gonio.rig.motion.envelope import Envelope
+from gonio.rig.motion.plan import Planner
+from gonio.rig.motion.profile import move_time
+from gonio.rig.motion.route import route
+from gonio.run.open_rig import open_rig
 from tests.conftest import ROOT
 
 SIM = load_config(ROOT / "configs/rigs/sim.yaml", RigConfig)

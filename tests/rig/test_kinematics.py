@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gonio.geometry import from_angles, to_angles
-from gonio.rig.kinematics import Gantry
+from gonio.rig.kinematics.gantry import Gantry
 
 NEAR = np.array([0.1, 0.2, 0.3, 0.4])
 

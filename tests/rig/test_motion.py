@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gonio.rig.motion import move_time, progress
+from gonio.rig.motion.profile import move_time, progress
 
 some = st.floats(1e-3, 1e3)
 

@@ -10,8 +10,8 @@ from gonio.config.plan import PlanConfig
 from gonio.config.rig import RigConfig
 from gonio.geometry import from_angles, from_half_diff
 from gonio.rig.build import envelope_of, park_pose
-from gonio.rig.plan import Planner
-from gonio.rig.tour import or_opt, two_opt
+from gonio.rig.motion.plan import Planner
+from gonio.rig.motion.tour import or_opt, two_opt
 from tests.conftest import ROOT
 
 SIM = load_config(ROOT / "configs/rigs/sim.yaml", RigConfig)

@@ -6,7 +6,7 @@ from scipy.stats import norm
 
 from calibration.radiometry import measure_reference
 from gonio.acquire import acquire
-from gonio.brdf.lambert import Lambert
+from gonio.brdf.models.lambert import Lambert
 from gonio.config import Material, load_config
 from gonio.config.loader import parse_config
 from gonio.config.plan import PlanConfig
@@ -16,9 +16,9 @@ from gonio.mcmc import make_sampler
 from gonio.mcmc.target import Target
 from gonio.rig.devices import Reading
 from gonio.rig.errors import DeviceFault
-from gonio.rig.radiometry import Dark, Radiometry
-from gonio.rigs import open_rig
-from gonio.store import Store
+from gonio.rig.signal.radiometry import Dark, Radiometry
+from gonio.run.open_rig import open_rig
+from gonio.run.record.store import Store
 from tests.conftest import ROOT
 
 SIM = load_config(ROOT / "configs/rigs/sim.yaml", RigConfig)

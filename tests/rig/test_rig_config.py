@@ -6,7 +6,7 @@ from gonio.config import ConfigError, load_config
 from gonio.config.loader import parse_config
 from gonio.config.rig import RigConfig
 from gonio.rig.build import axes_of, envelope_of
-from gonio.rigs import open_rig
+from gonio.run.open_rig import open_rig
 from tests.conftest import ROOT
 
 TEXT = (ROOT / "configs/rigs/sim.yaml").read_text()

@@ -13,7 +13,7 @@ from gonio.rig.build import envelope_of, park_pose, radiometry_of
 from gonio.rig.clock import RealClock
 from gonio.rig.devices import Reading
 from gonio.rig.errors import DeviceFault, SafetyStop
-from gonio.rig.levels import READINGS as DARKS
+from gonio.rig.signal.levels import READINGS as DARKS
 from gonio.rig.staged import StagedRig
 from tests.conftest import ROOT
 

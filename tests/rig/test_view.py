@@ -8,7 +8,7 @@ from gonio.config.rig import RigConfig
 from gonio.rig.build import kinematics_of, view_of
 from gonio.rig.calibration import GeometryCalibration
 from gonio.rig.errors import DeviceFault
-from gonio.rig.view import View, distort, rotation_of, undistort
+from gonio.rig.signal.view import View, distort, rotation_of, undistort
 from tests.conftest import ROOT
 
 CAMERA = load_config(ROOT / "configs/rigs/camera.yaml", RigConfig)

@@ -5,16 +5,16 @@ import json
 import numpy as np
 import pytest
 
-from gonio.brdf.lambert import Lambert
-from gonio.check import plan_text
+from gonio.brdf.models.lambert import Lambert
 from gonio.config import Material, load_config
 from gonio.config.loader import ConfigError, parse_config
 from gonio.config.plan import PlanConfig
 from gonio.config.rig import FaultsConfig, RigConfig
 from gonio.geometry import from_angles
 from gonio.rig.errors import DeviceFault
-from gonio.rigs import open_rig
-from gonio.run import resume, start
+from gonio.run.check import plan_text
+from gonio.run.open_rig import open_rig
+from gonio.run.start import resume, start
 from tests.conftest import ROOT
 
 CAMERA = load_config(ROOT / "configs/rigs/camera.yaml", RigConfig)

@@ -11,7 +11,7 @@ from gonio.config.rig import FaultsConfig, LightConfig, RigConfig
 from gonio.geometry import from_angles
 from gonio.rig.clock import VirtualClock
 from gonio.rig.errors import DeviceFault, SafetyStop
-from gonio.rigs import open_rig
+from gonio.run.open_rig import open_rig
 from sim.photodiode import SimPhotodiode
 from tests.conftest import ROOT
 

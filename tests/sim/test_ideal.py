@@ -7,7 +7,7 @@ from gonio.config import ConfigError, load_config
 from gonio.config.plan import PlanConfig
 from gonio.config.rig import RigConfig
 from gonio.geometry import from_angles
-from gonio.rigs import open_rig
+from gonio.run.open_rig import open_rig
 from sim.sample import Sample
 from tests.conftest import ROOT
 

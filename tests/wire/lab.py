@@ -6,7 +6,7 @@ import os
 
 import numpy as np
 
-from gonio.brdf.lambert import Lambert
+from gonio.brdf.models.lambert import Lambert
 from gonio.config import load_config
 from gonio.config.rig import PhotodiodeConfig, RigConfig, ServoBusConfig
 from gonio.rig.calibration import RadiometryCalibration, save_calibration

@@ -1,6 +1,6 @@
 """The study of the wire: the clock of a hurried rig tells the seconds of one that is not."""
 
-from gonio.bench.wire import drive
+from gonio.bench.speed.wire import drive
 from gonio.config import Material
 from tests.wire.lab import WIRE
 

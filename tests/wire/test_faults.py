@@ -6,14 +6,14 @@ import time
 import numpy as np
 import pytest
 
-from gonio.brdf.lambert import Lambert
+from gonio.brdf.models.lambert import Lambert
 from gonio.config import load_config
 from gonio.config.plan import PlanConfig
 from gonio.config.rig import RigConfig, ServoBusConfig
 from gonio.geometry import from_angles
 from gonio.rig.clock import ScaledClock
 from gonio.rig.errors import DeviceFault, SafetyStop
-from gonio.rigs import open_rig
+from gonio.run.open_rig import open_rig
 from sim.wire.line import Wire
 from tests.conftest import ROOT
 

@@ -7,11 +7,11 @@ import time
 import numpy as np
 import pytest
 
-from gonio.brdf.lambert import Lambert
-from gonio.brdf.microfacet import Ggx
-from gonio.brdf.mixture import Mixture
+from gonio.brdf.models.lambert import Lambert
+from gonio.brdf.models.microfacet import Ggx
+from gonio.brdf.models.mixture import Mixture
 from gonio.load import save_brdf
-from gonio.store import Store
+from gonio.run.record.store import Store
 from tests.nursery import PRELOAD_WIRE, Nursery
 from tests.test_kill import acquisition, contents, stored
 

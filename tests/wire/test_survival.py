@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from drivers.dynamixel import tables as t
-from gonio.brdf.lambert import Lambert
+from gonio.brdf.models.lambert import Lambert
 from gonio.config import Material
 from gonio.geometry import from_angles
 from gonio.rig.errors import DeviceFault
-from gonio.rigs import open_rig
-from gonio.run import resume, start
-from gonio.store import Store, StoreError
+from gonio.run.open_rig import open_rig
+from gonio.run.record.store import Store, StoreError
+from gonio.run.start import resume, start
 from sim.wire.line import Wire
 from tests.nursery import Nursery
 from tests.test_kill import contents, stored
@@ -132,7 +132,7 @@ def material(n, **plan):
 
 def wire_run(folder, monkeypatch, n=80, **plan):
     """A run on a wire rig that stays at hand, and the rig."""
-    monkeypatch.setattr("gonio.run.find_truth", lambda *_: (Lambert([0.3, 0.2, 0.1]), "felt"))
+    monkeypatch.setattr("gonio.run.start.find_truth", lambda *_: (Lambert([0.3, 0.2, 0.1]), "felt"))
     run = start(material(n, **plan), WIRE, folder)
     rig = open_rig(WIRE, run.truth, run.config.material.seed, plan=run.config.material.plan, isotropic=True)
     return run, rig

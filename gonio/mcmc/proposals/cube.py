@@ -3,7 +3,7 @@
 import numpy as np
 
 from gonio.geometry import Array
-from gonio.mcmc.boundary import reflect, wrap
+from gonio.mcmc.chain.boundary import reflect, wrap
 from gonio.mcmc.proposals import GLOBAL
 
 

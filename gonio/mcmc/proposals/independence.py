@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gonio.brdf.ndf import GgxNdf
+from gonio.brdf.models.ndf import GgxNdf
 from gonio.geometry import Array, reflect
-from gonio.mcmc.lobes import log_vndf
+from gonio.mcmc.proposals.ggx_density import log_vndf
 
 PI = np.pi
 STEEPEST = 1e-9  # of 1 - mu: where the density that is even in theta_i is cut, at a ten-thousandth of a degree

@@ -7,10 +7,10 @@ cos theta_i and, on an anisotropic surface, u4 for phi_i.
 
 import numpy as np
 
-from gonio.brdf.ndf import GgxNdf
+from gonio.brdf.models.ndf import GgxNdf
 from gonio.geometry import Array, half_vector, reflect, to_angles, unit
-from gonio.mcmc.lobes import log_vndf
 from gonio.mcmc.proposals.cube import CubeStep
+from gonio.mcmc.proposals.ggx_density import log_vndf
 from gonio.mcmc.proposals.pss_simple import turn
 
 PI = np.pi

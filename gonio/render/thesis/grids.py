@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gonio.brdf import Brdf
-from gonio.brdf.slices import half_vectors
+from gonio.brdf.tables.slices import half_vectors
 from gonio.geometry import Array, from_angles, reflect
 from gonio.render.thesis.subject import Missing, Subject
 

@@ -5,7 +5,7 @@ from functools import cached_property
 from typing import Protocol
 
 from gonio.brdf import Brdf
-from gonio.brdf.slices import SlicesBrdf
+from gonio.brdf.tables.slices import SlicesBrdf
 from gonio.geometry import Array
 from gonio.reconstruct import Samples, reconstruct
 from gonio.render.shade import render_sphere

@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gonio.brdf import Brdf
-from gonio.brdf.slices import incidence_grid, pdf_grid
-from gonio.brdf.warp import Interpolant, ParameterGrid, Warp
+from gonio.brdf.tables.slices import incidence_grid, pdf_grid
+from gonio.brdf.tables.warp import Interpolant, ParameterGrid, Warp
 from gonio.geometry import Array, from_angles, half_vector, reflect, to_angles
 from gonio.render.shade import psnr, to_srgb
 from gonio.render.thesis.subject import Subject

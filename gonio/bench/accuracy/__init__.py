@@ -1,0 +1,1 @@
+"""Studies of how right a BRDF is."""

@@ -1,0 +1,1 @@
+"""Studies of the normalizing flow, and the training of those that ship."""

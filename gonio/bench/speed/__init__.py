@@ -1,0 +1,1 @@
+"""Studies of run time, rig time and size."""

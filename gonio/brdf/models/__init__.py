@@ -1,0 +1,1 @@
+"""BRDFs by formula."""

@@ -1,0 +1,1 @@
+"""BRDFs by numbers: measured tables and networks."""

@@ -1,0 +1,1 @@
+"""Reconstructions of few numbers: one lobe, several, the ABC model, the method of the thesis."""

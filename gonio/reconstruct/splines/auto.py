@@ -1,0 +1,205 @@
+"""The default reconstruction: a robust base, and the log ratio to it interpolated by overlapping thin-plate splines.
+
+samples -> clean -> base (lobes, log loss) -> log ratio -> coordinates chosen by held-out energy error -> splines
+-> table. Every choice is made by predicting samples from their neighbours; nothing is tuned to a material.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gonio.geometry import Array
+from gonio.reconstruct.clean import clean
+from gonio.reconstruct.samples import Samples
+from gonio.reconstruct.splines.frame import Coordinates, Frame, PairAngles
+from gonio.reconstruct.splines.grain import Grain
+from gonio.reconstruct.splines.held_out import EnergyError
+from gonio.reconstruct.splines.isotropic import Isotropic
+from gonio.reconstruct.splines.outliers import outliers
+from gonio.reconstruct.splines.patches import Patches, left_out
+from gonio.reconstruct.splines.reciprocity import holds, mirrored
+from gonio.reconstruct.splines.residual import LogRatio
+from gonio.reconstruct.splines.robust_base import RobustBase
+from gonio.reconstruct.splines.spread import Spread
+from gonio.reconstruct.tables.lookup import Lookup
+from gonio.reconstruct.tables.tabulate import TabulatedBrdf
+
+TESTED = 600
+CHOOSING = 30_000
+LOOKED_AT = 3000
+
+
+class AutoBrdf:
+    """The BRDF of `fit`, tabulated. Beyond `Brdf`: `std`, `energy_error_estimate`, and `notes` on how it was made.
+
+    energy_error_estimate: the share of the reflected energy expected in the wrong place or amount, mean over theta_i
+    and channels (the referee's energy_mean), from held-out samples alone.
+    """
+
+    kind = "auto"
+
+    def __init__(self, table: TabulatedBrdf, spread: Lookup, energy_error_estimate: float, notes: dict[str, float]):
+        self.table, self.spread, self.notes = table, spread, notes
+        self.energy_error_estimate = energy_error_estimate
+        self.eval, self.sample, self.pdf = table.eval, table.sample, table.pdf
+
+    @property
+    def channels(self) -> int:
+        return self.table.channels
+
+    def std(self, wi: Array, wo: Array) -> Array:
+        """Standard deviation of `eval` in 1/sr, (N, C): 68 % of true values lie within one. 0 below the horizon."""
+        wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
+        out = np.zeros((len(wi), self.channels))
+        up = (wi[:, 2] > 0) & (wo[:, 2] > 0)
+        if up.any():
+            a = self.table.frame.angles(wi[up], wo[up])
+            base, ratio = self.table.base(a), self.table.ratio
+            g = ratio.inverse(self.table.table(self.table.chart(a)), base)
+            out[up] = self.spread(self.table.chart(a)) * ratio.slope(g, base) / a.cos_o[:, None]
+        return out
+
+    def to_arrays(self) -> dict[str, Array]:
+        notes = {f"note.{k}": np.array(v, float) for k, v in self.notes.items()}
+        own = {"spread": self.spread.values, "energy_error_estimate": np.array(self.energy_error_estimate)}
+        return self.table.to_arrays() | own | notes
+
+    @classmethod
+    def from_arrays(cls, d: dict[str, Array]) -> "AutoBrdf":
+        notes = {k[5:]: float(v) for k, v in d.items() if k.startswith("note.")}
+        table = TabulatedBrdf.from_arrays(d)
+        spread = Lookup(d["spread"], table.chart.periodic, (1,) * len(table.chart.periodic))
+        return cls(table, spread, float(d["energy_error_estimate"]), notes)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is to be interpolated: log ratio y (N, C) of noise variance (N,) at `angles`, from g and sigma (N, C)."""
+
+    samples: Samples
+    frame: Frame
+    angles: PairAngles
+    g: Array
+    sigma: Array
+    ratio: LogRatio
+    base: RobustBase
+    b: Array
+    y: Array
+    variance: Array
+
+    @classmethod
+    def of(cls, s: Samples, frame: Frame, rng: np.random.Generator) -> "Problem":
+        a = frame.angles(s.wi, s.wo)
+        g, sigma = s.f * a.cos_o[:, None], s.sigma * a.cos_o[:, None]
+        ratio = LogRatio.of(g, sigma)
+        base = RobustBase.fit(a, g, ratio.floor, rng)
+        b = base(a)
+        return cls(s, frame, a, g, sigma, ratio, base, b, ratio.forward(g, b), ratio.variance(g, sigma, b))
+
+
+@dataclass(frozen=True)
+class Splines:
+    """What is tabulated: log_ratio(angles) -> (N, C) to the base, and its standard deviation as a table over the chart.
+
+    t0 in radians; error, notes: as `AutoBrdf` has them.
+    """
+
+    frame: Frame
+    base: RobustBase
+    ratio: LogRatio
+    t0: float
+    log_ratio: Callable[[PairAngles], Array]
+    spread: Lookup
+    error: float
+    notes: dict[str, float]
+
+
+def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> AutoBrdf:
+    """Raises ReconstructionError for samples too few or too poor."""
+    s = splines(samples, anisotropic=anisotropic, rng=rng)
+    table = TabulatedBrdf.of(s.frame, s.base, s.ratio, s.t0, s.log_ratio)
+    return AutoBrdf(table, s.spread, s.error, s.notes)
+
+
+def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Splines:
+    """Raises ReconstructionError for samples too few or too poor."""
+    s = clean(samples)
+    bounds, s = s[s.saturated], s[~s.saturated]
+    frame: Frame = Grain.of(s.wi, s.wo, np.maximum(s.f, 0)) if anisotropic else Isotropic()
+    p = Problem.of(s, frame, rng)
+    wrong = outliers(frame.stretch(peak_width(p))(p.angles), p.y, rng)
+    if wrong.any():
+        s = s[~wrong]
+        p = Problem.of(s, frame, rng)
+    few = p if len(s) <= CHOOSING else Problem.of(s[rng.permutation(len(s))[:CHOOSING]], frame, rng)
+    stretch = chosen_stretch(few, rng)
+    x, y, variance = stretch(p.angles), p.y, p.variance
+    reciprocal, gain = holds(few, stretch, rng)
+    if reciprocal:
+        more = mirrored(p, stretch)
+        x, y, variance = (np.concatenate(pair) for pair in zip((x, y, variance), more))
+    if len(bounds):
+        x, y, variance = with_bounds(p, stretch, bounds, x, y, variance)
+    patches = Patches(x, y, variance)
+    looked = rng.permutation(len(s))[:LOOKED_AT]
+    said = left_out(x, y, variance, looked)
+    error = EnergyError(p.angles, p.g, p.sigma, stretch, looked)(p.ratio.inverse(said, p.b[looked]))
+    chart = frame.chart(stretch.t0)
+    spread = Spread(x[looked], said - y[looked], variance[looked])
+    nodes, _ = chart.nodes(chart.spread)
+    known = Lookup(spread(stretch(nodes)).reshape(*chart.spread, -1), chart.periodic, (1,) * len(chart.periodic))
+
+    def mean_log_ratio(a: PairAngles) -> Array:
+        """Splines in the logarithm predict the median; the mean of a lognormal lies sd^2 / 2 above it."""
+        return patches(stretch(a)) + np.minimum(known(chart(a)), 1) ** 2 / 2
+
+    notes = {
+        "samples": len(s),
+        "outliers": int(wrong.sum()),
+        "saturated": len(bounds),
+        "reciprocal": reciprocal,
+        "error_with_reciprocity_over_without": gain,
+        "t0": stretch.t0,
+        "azimuth": stretch.azimuth,
+        "elevation": stretch.elevation,
+    }
+    return Splines(frame, p.base, p.ratio, stretch.t0, mean_log_ratio, known, error, notes)
+
+
+def chosen_stretch(p: Problem, rng: np.random.Generator) -> Coordinates:
+    """The coordinates that predict held-out samples best."""
+    test = rng.permutation(len(p.g))[:TESTED]
+    first = p.frame.stretch(peak_width(p))
+    error = EnergyError(p.angles, p.g, p.sigma, first, test)
+    tried: dict[Coordinates, float] = {}
+
+    def best(candidates: list[Coordinates]) -> Coordinates:
+        for c in candidates:
+            if c not in tried:
+                tried[c] = error(p.ratio.inverse(left_out(c(p.angles), p.y, p.variance, test), p.b[test]))
+        return min(tried, key=lambda c: tried[c])
+
+    b = best([p.frame.stretch(t0) for t0 in first.t0 * np.geomspace(1 / 8, 8, 7)])
+    b = best([p.frame.stretch(b.t0, azimuth, b.elevation) for azimuth in (0.5, 1.0)])
+    b = best([p.frame.stretch(b.t0, b.azimuth, elevation) for elevation in (0.35, 0.8)])
+    return b
+
+
+def peak_width(p: Problem) -> float:
+    """theta_h within which the brightest twentieth of the samples lies, by the median; radians."""
+    bright = np.argsort(-(p.g / np.maximum(p.g.mean(0), 1e-300)).sum(1))[: max(10, len(p.g) // 20)]
+    return float(np.clip(np.median(p.angles.theta_h[bright]), 0.004, 1.0))
+
+
+def with_bounds(p: Problem, stretch: Coordinates, bounds: Samples, x: Array, y: Array, variance: Array):
+    """x, y, variance with those saturated readings that the splines would fall short of put in at their bound."""
+    a = p.frame.angles(bounds.wi, bounds.wo)
+    least = p.ratio.forward(bounds.f * a.cos_o[:, None], p.base(a))
+    said = Patches(x, y, variance)(stretch(a))
+    short = (said < least).any(1)
+    return (
+        np.concatenate([x, stretch(a)[short]]),
+        np.concatenate([y, np.maximum(said, least)[short]]),
+        np.concatenate([variance, np.zeros(short.sum())]),
+    )

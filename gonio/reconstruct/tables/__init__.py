@@ -1,0 +1,1 @@
+"""A reconstruction as a table: quick to look up and to draw from."""

@@ -1,0 +1,1 @@
+"""Poses <-> directions, one file for each geometry of rig."""

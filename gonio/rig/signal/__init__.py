@@ -1,0 +1,1 @@
+"""From counts to f and its sigma."""

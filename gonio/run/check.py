@@ -1,0 +1,91 @@
+"""What a config would do, without doing it: `gonio check`."""
+
+import numpy as np
+
+from gonio.config.fit import refuse_misfit
+from gonio.config.material import Material
+from gonio.config.rig import RigConfig
+from gonio.geometry import Array
+from gonio.rig.build import envelope_of, park_pose
+from gonio.rig.motion.plan import Planner
+
+PAIRS = 20_000
+TOUR = 512
+
+
+def plan_text(material: Material, rig: RigConfig) -> str:
+    """The resolved plan: sample, chain, reachable share of the domain, estimated rig time. Touches no hardware.
+
+    Raises ConfigError where material and rig do not fit.
+    """
+    refuse_misfit(material, rig)
+    c, target = material.sampler, material.sampler.target
+    isotropic = material.symmetry == "isotropic"
+    envelope = envelope_of(rig)
+    wi, wo = _random_pairs(np.random.default_rng(0), PAIRS)
+    reachable = envelope.reachable(wi, wo)
+    chosen = np.flatnonzero(reachable)[:TOUR]
+    dimensions = 3 if isotropic else 4
+    nothing = "none: the rig is real" if rig.depth == "real" else "missing, and this rig needs one"
+    sample = f"{material.name}, {material.symmetry}: {dimensions} dimensions, {len(material.channels)} channels"
+    lines = [
+        ("material", sample),
+        ("truth", material.truth or nothing),
+        ("chain", f"{c.chains} x {c.proposal}, seed {material.seed}"),
+        ("target", f"channels {target.channels}, power {target.power:g}, floor {target.floor:.0%} of the draws"),
+        ("rig", f"{rig.name} ({rig.depth}), {rig.kinematics.kind}, stay-out {rig.stay_out_deg:g} deg"),
+        ("detector", _detector(rig)),
+        ("reachable", f"{reachable.mean():.1%} of all pairs of directions, each weighted by its cosine"),
+    ]
+    if len(chosen):
+        each = _seconds(envelope, rig, material, wi[chosen], wo[chosen])
+        motion = each - rig.settle_s - rig.reading_s
+        parts = f"motion {motion:.2f}, settle {rig.settle_s:g}, reading {rig.reading_s:.2g}"
+        lines.append(("a measurement", f"{each:.2f} s: {parts}"))
+        if (n := material.budget.measurements) is not None:
+            lines.append(
+                ("rig time", f"about {each * n / 3600:.1f} h for {n} measurements of cosine-distributed pairs")
+            )
+    if material.budget.rig_hours is not None:
+        lines.append(("ends after", f"{material.budget.rig_hours:g} rig hours at most"))
+    if material.stop.energy_error is not None:
+        lines.append(("ends when", f"the estimated energy error is below {material.stop.energy_error:g}"))
+    lines.append(("then", f"reconstruct with {material.reconstruct.model}"))
+    return "\n".join(f"{k:14} {v}" for k, v in lines)
+
+
+def _detector(rig: RigConfig) -> str:
+    """What reads, and how."""
+    c, p = rig.camera, rig.photodiode
+    if rig.depth == "ideal":
+        return "none: f as it is"
+    if rig.detector == "camera":
+        ladder = f"{len(c.exposure_s)} exposures from {c.exposure_s[0]:g} to {c.exposure_s[-1]:g} s"
+        files = rig.calibration.camera or "as drawn", rig.calibration.frames or "learnt at the start"
+        looks = f"camera, {len(c.channels)} channels, {ladder}, a disk of {c.region_mm:g} mm"
+        return f"{looks}; optics {files[0]}, frames {files[1]}"
+    average = f", averaged to {p.target_sigma:.2g}, {p.max_readings} readings at most" if p.target_sigma else ""
+    return f"photodiode, {p.ranges} ranges of {p.bits} bits, {rig.exposure_s:g} s{average}"
+
+
+def _seconds(envelope, rig: RigConfig, material: Material, wi: Array, wo: Array) -> float:
+    """Mean rig seconds of a measurement over tours of such pairs, as the run would plan them."""
+    planner = Planner(envelope, material.plan, material.symmetry == "isotropic")
+    block = material.sampler.chains * (
+        material.sampler.block if material.sampler.proposal in ("auto", "independence") else 1
+    )
+    pose, total = park_pose(rig), 0.0
+    for begin in range(0, len(wi), block):
+        part = slice(begin, begin + block)
+        for tour in planner.tours(wi[part], wo[part], pose):
+            total += float(tour.seconds.sum())
+            pose = tour.poses[-1]
+    return total / len(wi) + rig.settle_s + rig.reading_s
+
+
+def _random_pairs(rng, n: int) -> tuple[Array, Array]:
+    def cosine():
+        r, phi = np.sqrt(rng.random(n)), 2 * np.pi * rng.random(n)
+        return np.stack([r * np.cos(phi), r * np.sin(phi), np.sqrt(1 - r * r)], -1)
+
+    return cosine(), cosine()

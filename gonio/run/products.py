@@ -1,0 +1,166 @@
+"""What is made of a run folder: brdf.npz, brdf.bsdf, report.html, tables, scores. All can be made again at any time."""
+
+import os
+from pathlib import Path
+
+import gonio
+from gonio.brdf import Brdf
+from gonio.config import ConfigError
+from gonio.run.record.config import read_config
+from gonio.run.record.samples import load_samples
+from gonio.run.record.store import Store
+
+
+def make_brdf(folder: Path, model: str | None = None, out: Path | None = None) -> str:
+    """Reconstruct and save; a line that says what was made and where. Raises ReconstructionError, ConfigError."""
+    from gonio.load import save_brdf
+    from gonio.reconstruct import MODELS, reconstruct
+
+    config = read_config(folder).material
+    model = model or config.reconstruct.model
+    if model not in MODELS:
+        raise ConfigError(f"--model {model}: not one of {', '.join(MODELS)}")
+    with Store.open(folder, write=False) as store:
+        samples = load_samples(store)
+    brdf = reconstruct(samples, model, anisotropic=config.symmetry == "anisotropic", seed=config.seed)
+    path = out or Path(folder) / "brdf.npz"
+    save_brdf(brdf, path)
+    return f"brdf   {path}  ({model}, from {len(samples)} measurements)"
+
+
+def make_products(folder: Path) -> list[str]:
+    """Everything a user expects after an acquisition: the BRDF, its .bsdf, the report."""
+    return [make_brdf(folder), f"bsdf   {export_run(folder, 'bsdf')}", f"report {make_report(folder)}"]
+
+
+def evaluate_run(path: str, truth: str | None) -> dict[str, float]:
+    """The referee's figures of a run or BRDF file against `truth`, a path or a name; None = the run's own."""
+    from gonio.evaluate import evaluate
+
+    if truth is None:
+        if not (Path(path) / "config.yaml").is_file():
+            raise ConfigError(f"{path}: not a run folder; say what to compare it with by --truth")
+        truth = read_config(path).material.truth
+        if truth is None:
+            raise ConfigError(
+                f"{path}: measured on a real rig, its truth is not known; say what to compare it with by --truth"
+            )
+    brdf, reference = gonio.load_brdf(path), open_truth(truth)
+    if brdf.channels != reference.channels:
+        raise ConfigError(f"--truth {truth}: has {reference.channels} channels, {path} has {brdf.channels}")
+    return evaluate(brdf, reference)
+
+
+def open_truth(name: str) -> Brdf:
+    """A BRDF by path or by a material's name."""
+    from gonio.brdf.library import find
+
+    return gonio.load_brdf(find(name).path)
+
+
+def export_run(folder: Path, format: str, out: Path | None = None) -> Path:
+    """Write the run's BRDF (bsdf, merl, grid, mountain) or samples (csv, parquet, netcdf); the path written."""
+    if format in SAMPLE_FORMATS:
+        module, function, name = SAMPLE_FORMATS[format]
+        with Store.open(folder, write=False) as store:
+            return _function(module, function)(store, out or Path(folder) / name)
+    if format in BRDF_FORMATS:
+        module, function, name = BRDF_FORMATS[format]
+        path = out or Path(folder) / name
+        _function(module, function)(gonio.load_brdf(folder), path)
+        return path
+    raise ConfigError(f"--format {format}: not one of {', '.join([*BRDF_FORMATS, *SAMPLE_FORMATS])}")
+
+
+def make_report(folder: Path) -> Path:
+    """report.html, self-contained."""
+    from gonio.render.report import write_report
+
+    config = read_config(folder)
+    truth = None
+    if config.material.truth is not None:
+        truth = open_truth(config.material.truth)
+    path = Path(folder) / "report.html"
+    part = path.with_suffix(".part")
+    with Store.open(folder, write=False) as store:
+        write_report(part, store, config.material, gonio.load_brdf(folder), truth, _run_flow(folder))
+    os.replace(part, path)
+    return path
+
+
+def _run_flow(folder: Path):
+    """The density of the run's flow, None if it had none."""
+    path = Path(folder) / "flow_density.npz"
+    return gonio.load_brdf(path) if path.exists() else None
+
+
+def make_figures(folder: Path, which: str, truth: str | None = None) -> list[str]:
+    """The thesis's figures on this run's data, in RUN/figures: all of them ("thesis") or one, by its number.
+
+    Lines that say what was made. Raises Missing for one that this run does not allow, ConfigError for no such figure.
+    """
+    from gonio.render.thesis.page import FIGURES, make_all, make_figure
+
+    if which != "thesis" and which not in FIGURES:
+        raise ConfigError(f"--figures {which}: not `thesis` or one of {', '.join(FIGURES)}")
+    subject = _subject(folder, truth)
+    out = Path(folder) / "figures"
+    out.mkdir(exist_ok=True)
+    if which == "thesis":
+        return make_all(subject, out)
+    return [f"figure {which}  {make_figure(which, subject, out)}"]
+
+
+def _subject(folder: Path, truth: str | None):
+    from gonio.render.thesis.subject import Subject
+
+    material = read_config(folder).material
+    name = truth or material.truth
+    path = Path(folder) / "flow.npz"
+    flow = gonio.load_brdf(path) if path.exists() else None
+    with Store.open(folder, write=False) as store:
+        samples = load_samples(store)
+    return Subject(
+        name=material.name,
+        proposal=material.sampler.proposal,
+        channels=material.channels,
+        samples=samples,
+        ours=gonio.load_brdf(folder),
+        truth=None if name is None else open_truth(name),
+        density=_run_flow(folder) if flow is None else getattr(flow, "density", None),
+        flow=flow,
+        seed=material.seed,
+    )
+
+
+def render_run(folder: Path, truth: str | None, size: int, spp: int) -> list[str]:
+    """render.png and render.json in the run: truth, ours, difference in Mitsuba 3; the lines that say so."""
+    from gonio.brdf.library import find
+    from gonio.render.beside import render_beside
+
+    name = truth or read_config(folder).material.truth
+    ours = gonio.load_brdf(folder)
+    if name is None:
+        return render_beside(ours, None, None, Path(folder), size, spp)
+    found = find(name)
+    table = Path(found.path) if str(found.path).endswith(".bsdf") else None
+    return render_beside(ours, gonio.load_brdf(found.path), table, Path(folder), size, spp)
+
+
+SAMPLE_FORMATS = {
+    "csv": ("gonio.export.samples", "write_csv", "samples.csv"),
+    "parquet": ("gonio.export.samples", "write_parquet", "samples.parquet"),
+    "netcdf": ("gonio.export.netcdf", "write_netcdf", "chains.nc"),
+}
+BRDF_FORMATS = {
+    "bsdf": ("gonio.export.bsdf", "write_bsdf", "brdf.bsdf"),
+    "merl": ("gonio.export.merl", "write_merl", "brdf.binary"),
+    "grid": ("gonio.export.grid", "write_grid", "grid.npz"),
+    "mountain": ("gonio.export.mountain", "write_mountain", "mountain"),
+}
+
+
+def _function(module: str, name: str):
+    from importlib import import_module
+
+    return getattr(import_module(module), name)

@@ -1,0 +1,38 @@
+"""config.yaml of a run folder: everything resolved, so that a run says by itself how it was made."""
+
+import json
+import os
+from pathlib import Path
+
+import yaml
+
+from gonio.atomic import replacing
+from gonio.config import ConfigError, Material
+from gonio.config.loader import Section, parse_config
+from gonio.config.rig import RigConfig
+
+
+class RunConfig(Section):
+    """What a run was started with."""
+
+    material: Material
+    rig: RigConfig
+
+
+def read_config(folder: str | os.PathLike[str], overrides: tuple[str, ...] = ()) -> RunConfig:
+    path = Path(folder) / "config.yaml"
+    try:
+        text = path.read_text()
+    except OSError as e:
+        raise ConfigError(f"{path}: {e.strerror}; name a run folder that `gonio acquire` made") from None
+    return parse_config(text, RunConfig, overrides, source=str(path))
+
+
+def write_config(folder: str | os.PathLike[str], config: RunConfig) -> None:
+    """Whole or not at all: a process killed here leaves the config that was there before."""
+    with replacing(Path(folder) / "config.yaml") as file:
+        file.write(dump(config).encode())
+
+
+def dump(config: RunConfig) -> str:
+    return yaml.safe_dump(json.loads(config.model_dump_json()), sort_keys=False)

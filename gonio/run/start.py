@@ -1,0 +1,176 @@
+"""From configs to a finished run folder: open what they name, acquire, make the BRDF and the report."""
+
+import contextlib
+import os
+import secrets
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gonio
+from gonio.acquire import Interrupted, Progress, acquire
+from gonio.brdf import Brdf
+from gonio.config import ConfigError, Material
+from gonio.config.fit import refuse_misfit
+from gonio.config.rig import RigConfig
+from gonio.mcmc import make_sampler
+from gonio.rig.errors import RigError
+from gonio.run.open_rig import open_rig
+from gonio.run.provenance import provenance
+from gonio.run.record.config import RunConfig, dump, read_config, write_config
+from gonio.run.record.store import Store
+
+
+@dataclass
+class Run:
+    """An acquisition about to start or to go on: call it to drive the rig."""
+
+    config: RunConfig
+    store: Store
+    truth: Brdf | None
+
+    def __call__(
+        self,
+        *,
+        watch: Callable[[Progress], None] = lambda p: None,
+        interrupted: Callable[[], bool] = lambda: False,
+        rig=None,
+    ) -> str:
+        """Acquire; the reason it ended. The rig is opened here and closed whatever happens, unless one is given."""
+        from gonio.run.stop_rules import GoodEnough
+
+        material = self.config.material
+        store = self.store
+        given = rig is not None
+        if not given:
+            with self.nothing_left_behind():
+                rig = open_rig(
+                    self.config.rig,
+                    self.truth,
+                    material.seed,
+                    plan=material.plan,
+                    isotropic=material.symmetry == "isotropic",
+                )
+        good_enough = GoodEnough(material, store)
+        try:
+            if state := store.kept():
+                rig.restore(state)
+            sampler = make_sampler(material, rig.reachable, good_enough.fit_surrogate)
+            rig.surrogate = good_enough.expected
+            reason = acquire(
+                sampler, rig, store, material, watch=watch, interrupted=interrupted, good_enough=good_enough
+            )
+            note_flow(sampler.plan, store)
+            store.put("ended", reason)
+            store.event("ended", reason)
+            return reason
+        except Interrupted:
+            note_flow(sampler.plan, store)
+            store.event("interrupted", "by the operator")
+            raise
+        except RigError as e:
+            store.event("fault", str(e))
+            raise
+        except BaseException as e:  # told to stop at once, a full disk, a bug: the motors first
+            rig.stop()
+            if isinstance(e, KeyboardInterrupt):
+                store.event("stopped", "at once, by the operator")
+            raise
+        finally:
+            rig.surrogate = None
+            try:
+                store.commit()
+            finally:
+                if not given:
+                    rig.close()
+
+    @contextlib.contextmanager
+    def nothing_left_behind(self) -> Iterator[None]:
+        """Around the opening of the rig: a new run that cannot have one leaves no folder."""
+        try:
+            yield
+        except BaseException:
+            self.store.discard()
+            raise
+
+    def close(self) -> None:
+        self.store.close()
+
+
+def start(material: Material, rig: RigConfig, out: str | os.PathLike[str] | None = None) -> Run:
+    """A new run folder, nothing measured yet. out = None: runs/<material>/<UTC stamp>-<short id>.
+
+    Raises ConfigError, FlowError before there is a folder.
+    """
+    refuse_misfit(material, rig)
+    truth, origin = find_truth(material, rig)
+    if truth is not None and truth.channels != len(material.channels):
+        raise ConfigError(f"channels: {len(material.channels)} named, but the truth ({origin}) has {truth.channels}")
+    if material.sampler.flow.weights is not None:
+        from gonio.flow import shipped
+
+        shipped.load_conditional(material.sampler.flow.weights)
+    if out is None:
+        stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+        out = Path("runs") / material.name / f"{stamp}-{secrets.token_hex(2)}"
+    config = RunConfig(material=material, rig=rig)
+    store = Store.create(out, dump(config), provenance(material, rig, origin), **_care(rig))
+    store.event(
+        "started", f"gonio {gonio.__version__}, rig {rig.name} ({rig.depth}), truth {origin or 'what lies on the rig'}"
+    )
+    return Run(config, store, truth)
+
+
+def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = ()) -> Run:
+    """An interrupted run, ready to go on; overrides may change its budget and stop rules."""
+    config = read_config(folder, tuple(f"material.{o}" for o in overrides))
+    allowed = ("budget.", "stop.", "reconstruct.")
+    for o in overrides:
+        if not o.startswith(allowed):
+            raise ConfigError(
+                f"--set {o}: a run keeps what its chain was started with; only budget, stop and reconstruct may change"
+            )
+    truth, origin = find_truth(config.material, config.rig)
+    store = Store.open(folder, write=True, **_care(config.rig))
+    if overrides:
+        write_config(folder, config)
+    store.event("resumed", f"gonio {gonio.__version__}, truth {origin or 'what lies on the rig'}")
+    return Run(config, store, truth)
+
+
+def find_truth(material: Material, rig: RigConfig) -> tuple[Brdf | None, str]:
+    """The BRDF a simulated rig shows and where it was found; (None, "") on a real rig."""
+    if rig.depth == "real":
+        if material.truth is not None:
+            raise ConfigError(f"truth: rig {rig.name} is real and shows what lies on it; leave `truth` out")
+        return None, ""
+    if material.truth is None:
+        raise ConfigError(f"truth: missing; rig {rig.name} is simulated and needs a BRDF to show")
+    from gonio.brdf.library import find
+
+    found = find(material.truth)
+    return gonio.load_brdf(found.path), found.origin
+
+
+def note_flow(plan, store: Store) -> None:
+    """What a plan with a flow decided goes to the record, each election once; its density to flow_density.npz.
+
+    Not after a fault: a resumed run holds the same elections again, and nothing may stand before what went wrong.
+    """
+    audit, density = getattr(plan, "audit", None), getattr(plan, "density", None)
+    if audit is None:
+        return
+    known = sum(kind == "flow" for _, kind, _ in store.events())
+    for entry in audit[known:]:  # a resumed run holds the same elections again
+        store.event("flow", ", ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in entry.items()))
+    if density is not None:
+        from gonio.load import save_brdf
+
+        save_brdf(density, store.folder / "flow_density.npz")
+
+
+def _care(rig: RigConfig) -> dict[str, Any]:
+    """How a run is kept: real readings cannot be had again, simulated ones can, and an ideal rig's cost nothing."""
+    return {"commit_interval": 0.05 if rig.depth == "ideal" else 0.0, "power_safe": rig.depth == "real"}

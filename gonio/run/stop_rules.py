@@ -1,0 +1,74 @@
+"""The reconstruction that runs beside an acquisition: when is it good enough, and what does it expect where."""
+
+import numpy as np
+
+from gonio.acquire import Progress
+from gonio.brdf import Brdf
+from gonio.config.material import Material
+from gonio.geometry import Array, to_half_diff
+from gonio.reconstruct.samples import Samples
+from gonio.run.record.samples import load_samples
+from gonio.run.record.store import Store
+
+
+class GoodEnough:
+    """The stop rules that need more than counting, looked at on a growing schedule."""
+
+    def __init__(self, material: Material, store: Store):
+        self.material, self.store = material, store
+        self._next = 200
+        self.anisotropic = material.symmetry == "anisotropic"
+        self._surrogate: Brdf | None = None
+
+    def __call__(self, progress: Progress) -> str | None:
+        stop = self.material.stop
+        if (stop.energy_error is None and stop.ess is None) or progress.measured < self._next:
+            return None
+        self._next = int(1.25 * progress.measured) + 1
+        if stop.ess is not None and (ess := self.effective_samples()) >= stop.ess:
+            return f"{ess:.0f} effective samples (goal {stop.ess:g})"
+        if stop.energy_error is not None:
+            progress.energy_error = self.energy_error()
+            if progress.energy_error <= stop.energy_error:
+                return f"estimated energy error {progress.energy_error:.3f} (goal {stop.energy_error:g})"
+        return None
+
+    def fit_surrogate(self, wi: Array, wo: Array, f: Array) -> Brdf | None:
+        """The running reconstruction, None where the samples do not make one (yet); `expected` asks the last one."""
+        from gonio.reconstruct import ReconstructionError
+        from gonio.reconstruct.running import fit
+
+        try:
+            found = fit(Samples.of(wi, wo, f), anisotropic=self.anisotropic)
+        except ReconstructionError:
+            return None
+        self._surrogate = found
+        return found
+
+    def expected(self, wi: Array, wo: Array) -> Array | None:
+        """f (N, C) as the sampler's last surrogate has it; None where there was none yet."""
+        return None if self._surrogate is None else self._surrogate.eval(wi, wo)
+
+    def energy_error(self) -> float:
+        """Estimated share of reflected energy misplaced, from all measured so far. Raises ReconstructionError."""
+        from gonio.reconstruct.running import fit
+
+        return float(fit(load_samples(self.store), anisotropic=self.anisotropic).energy_error_estimate)
+
+    def effective_samples(self) -> float:
+        """The smallest ESS of theta_h, theta_d and |phi_d| over the chains together."""
+        from gonio.mcmc.diagnostics import ess_bulk
+
+        m, steps = self.store.measured(), self.store.steps()
+        keep = (steps["step"] >= 0) & (steps["state"] >= 0)
+        row = np.searchsorted(m.id, steps["state"][keep])
+        chains = self.material.sampler.chains
+        theta_h, _, theta_d, phi_d = to_half_diff(m.asked[row, :3], m.asked[row, 3:])
+        length = np.bincount(steps["chain"][keep], minlength=chains).min()
+        if length < 8:
+            return 0.0
+        chain = steps["chain"][keep]
+        return min(
+            ess_bulk(np.stack([q[chain == c][-length:] for c in range(chains)]))
+            for q in (theta_h, theta_d, np.abs(phi_d))
+        )
