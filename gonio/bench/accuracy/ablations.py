@@ -52,8 +52,10 @@ def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
 @contextmanager
 def changed(constants: dict[str, float]) -> Iterator[None]:
     """Constants of modules of gonio.reconstruct.splines, `stretch.RATIO`, set for a while."""
-    named = [(*key.split("."), value) for key, value in constants.items()]
-    places = [(import_module(f"gonio.reconstruct.splines.{module}"), name, v) for module, name, v in named]
+    places = []
+    for key, value in constants.items():
+        module, _, name = key.partition(".")
+        places.append((import_module(f"gonio.reconstruct.splines.{module}"), name, value))
     before = [getattr(module, name) for module, name, _ in places]
     try:
         for module, name, value in places:
