@@ -57,7 +57,7 @@ class Estimator:
 
 def estimate(folder: Path) -> dict[str, Any]:
     """ess and energy_error of a run folder; None for what cannot be said yet."""
-    from gonio.reconstruct import ReconstructionError
+    from gonio.reconstruct.errors import ReconstructionError
     from gonio.run.record.config import read_config
     from gonio.run.record.store import Store
     from gonio.run.stop_rules import GoodEnough

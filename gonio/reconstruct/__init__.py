@@ -1,13 +1,16 @@
 """Samples -> Brdf, by name. One module per model, each with `fit(samples, *, anisotropic, rng) -> Brdf`."""
 
+import warnings
 from importlib import import_module
 
 import numpy as np
 
 from gonio.brdf import Brdf
+from gonio.reconstruct.clean import remarks
+from gonio.reconstruct.errors import ReconstructionError, ReconstructionWarning
 from gonio.reconstruct.samples import Samples
 
-__all__ = ["MODELS", "ReconstructionError", "Samples", "reconstruct"]
+__all__ = ["MODELS", "ReconstructionError", "ReconstructionWarning", "Samples", "reconstruct"]
 
 MODELS = {
     "auto": "gonio.reconstruct.splines.auto",
@@ -21,17 +24,13 @@ MODELS = {
 }
 
 
-class ReconstructionError(ValueError):
-    """Samples from which no BRDF can be made: says what is wrong with them and what to do. One line."""
-
-    exit_code = 2
-
-
 def reconstruct(samples: Samples, model: str = "auto", *, anisotropic: bool = False, seed: int = 0) -> Brdf:
     """The BRDF that `samples` are measurements of.
 
     model is a key of MODELS. Raises `ReconstructionError` for samples too few or too poor, KeyError for a model
-    that does not exist. The same samples and seed give the same BRDF.
+    that does not exist. Warns (`ReconstructionWarning`) of odd samples. The same samples and seed give the same BRDF.
     """
     fit = import_module(MODELS[model]).fit
+    for line in remarks(samples):
+        warnings.warn(line, ReconstructionWarning, stacklevel=2)
     return fit(samples, anisotropic=anisotropic, rng=np.random.default_rng(seed))

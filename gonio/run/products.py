@@ -1,6 +1,7 @@
 """What is made of a run folder: brdf.npz, brdf.bsdf, report.html, tables, scores. All can be made again at any time."""
 
 import os
+import warnings
 from pathlib import Path
 
 import gonio
@@ -12,9 +13,9 @@ from gonio.run.record.store import Store
 
 
 def make_brdf(folder: Path, model: str | None = None, out: Path | None = None) -> str:
-    """Reconstruct and save; a line that says what was made and where. Raises ReconstructionError, ConfigError."""
+    """Reconstruct and save; lines that say what was made and where. Raises ReconstructionError, ConfigError."""
     from gonio.load import save_brdf
-    from gonio.reconstruct import MODELS, reconstruct
+    from gonio.reconstruct import MODELS, ReconstructionWarning, reconstruct
 
     config = read_config(folder).material
     model = model or config.reconstruct.model
@@ -22,10 +23,13 @@ def make_brdf(folder: Path, model: str | None = None, out: Path | None = None) -
         raise ConfigError(f"--model {model}: not one of {', '.join(MODELS)}")
     with Store.open(folder, write=False) as store:
         samples = load_samples(store)
-    brdf = reconstruct(samples, model, anisotropic=config.symmetry == "anisotropic", seed=config.seed)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ReconstructionWarning)
+        brdf = reconstruct(samples, model, anisotropic=config.symmetry == "anisotropic", seed=config.seed)
     path = out or Path(folder) / "brdf.npz"
     save_brdf(brdf, path)
-    return f"brdf   {path}  ({model}, from {len(samples)} measurements)"
+    notes = [f"note   {w.message}" for w in caught if issubclass(w.category, ReconstructionWarning)]
+    return "\n".join([f"brdf   {path}  ({model}, from {len(samples)} measurements)", *notes])
 
 
 def make_products(folder: Path) -> list[str]:

@@ -35,7 +35,7 @@ class GoodEnough:
 
     def fit_surrogate(self, wi: Array, wo: Array, f: Array) -> Brdf | None:
         """The running reconstruction, None where the samples do not make one (yet); `expected` asks the last one."""
-        from gonio.reconstruct import ReconstructionError
+        from gonio.reconstruct.errors import ReconstructionError
         from gonio.reconstruct.running import fit
 
         try:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from truths import GLOSSY, energy_error, samples
 
-from gonio.reconstruct import ReconstructionError, Samples, reconstruct
-from gonio.reconstruct.clean import clean
+from gonio.reconstruct import ReconstructionError, ReconstructionWarning, Samples, reconstruct
+from gonio.reconstruct.clean import clean, remarks
 from gonio.reconstruct.running import fit as fit_running
 from gonio.reconstruct.splines.auto import Problem
 from gonio.reconstruct.splines.isotropic import Isotropic
@@ -95,7 +95,50 @@ def test_a_dead_channel_leaves_the_others_alone(clean_error):
     assert gap < 0.02
 
 
-@pytest.mark.parametrize("scale", [1e-6, 1e6])
+@pytest.mark.parametrize(
+    "make, words",
+    [
+        (
+            lambda: changed(sigma=np.where(np.arange(len(S))[:, None] < 9, np.nan, S.sigma)),
+            "9 of 1500 samples have a sigma that",
+        ),
+        (
+            lambda: changed(sigma=np.where(np.arange(len(S))[:, None] < 9, np.inf, S.sigma)),
+            "9 of 1500 samples have an infinite",
+        ),
+        (lambda: Samples.of(S.wi, 1.001 * S.wo, S.f), "1500 of 1500 samples have directions up to a percent off"),
+        (with_nans, "75 of 1500 samples without a finite value"),
+        (
+            lambda: Samples.of(np.where(np.arange(len(S))[:, None] < 9, -S.wi, S.wi), S.wo, S.f),
+            "9 of 1500 samples with a direction",
+        ),
+    ],
+)
+def test_what_is_done_to_odd_samples_is_said(make, words):
+    with pytest.warns(ReconstructionWarning) as caught:
+        reconstruct(make(), "ggx")
+    assert len(caught) == 1 and str(caught[0].message).startswith(words)
+
+
+def test_good_samples_are_not_remarked_on():
+    assert remarks(S) == []
+
+
+def test_a_sample_of_infinite_sigma_has_no_say():
+    f = S.f.copy()
+    f[:9] = 1e6
+    sigma = np.where(np.arange(len(S))[:, None] < 9, np.inf, S.sigma)
+    assert np.array_equal(clean(changed(f, sigma)).f, clean(S[9:]).f)
+
+
+def test_tiny_reflectances_do_not_overflow():
+    """A power of 1e-300 did: the base was then that of another material."""
+    with np.errstate(over="raise", divide="raise", invalid="raise"):
+        got = fit_running(changed(1e-300 * S.f, 1e-300 * S.sigma))
+    assert np.allclose(1e300 * got.eval(S.wi, S.wo), fit_running(S).eval(S.wi, S.wo), rtol=1e-6)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e-6, 1e6, 1e200])
 def test_units_do_not_matter(scale):
     a, b = fit_running(S), fit_running(changed(scale * S.f, scale * S.sigma))
     assert np.allclose(scale * a.eval(S.wi, S.wo), b.eval(S.wi, S.wo), rtol=0.02)
@@ -112,6 +155,11 @@ def test_units_do_not_matter(scale):
         (lambda: Samples.of(S.wi[[5] * 99] + 1e-5 * RNG.random((99, 3)), S.wo[[5] * 99], S.f[[5] * 99]), "one spot"),
         (lambda: Samples.of(S.wi[[5] * 99], S.wo[[5] * 99], S.f[[5] * 99]), "1 usable samples"),
         (lambda: Samples.of(-S.wi, S.wo, S.f), "0 usable samples"),
+        (lambda: changed(sigma=np.where(np.arange(len(S))[:, None] == 7, -1e-3, S.sigma)), "sample 7, sigma: -0.001"),
+        (lambda: Samples.of(S.wi, 1.02 * S.wo, S.f), "sample 0, wo: a direction of length 1.02"),
+        (lambda: Samples.of(0 * S.wi, S.wo, S.f), "sample 0, wi: a direction of length 0"),
+        (lambda: changed(1e-310 * S.f), "is no reflectance"),
+        (lambda: changed(np.where(np.arange(len(S))[:, None] == 7, S.f, 0)), "stand alone among 1499"),
     ],
 )
 def test_refused_in_one_line(make, words):

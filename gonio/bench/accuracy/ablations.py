@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Literal
 
 import numpy as np
@@ -52,10 +53,10 @@ def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
 @contextmanager
 def changed(constants: dict[str, float]) -> Iterator[None]:
     """Constants of modules of gonio.reconstruct.splines, `stretch.RATIO`, set for a while."""
-    places = []
+    places: list[tuple[ModuleType, str, float]] = []
     for key, value in constants.items():
-        module, _, name = key.partition(".")
-        places.append((import_module(f"gonio.reconstruct.splines.{module}"), name, value))
+        file, _, name = key.partition(".")
+        places.append((import_module(f"gonio.reconstruct.splines.{file}"), name, value))
     before = [getattr(module, name) for module, name, _ in places]
     try:
         for module, name, value in places:

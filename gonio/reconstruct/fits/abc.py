@@ -6,8 +6,8 @@ import numpy as np
 from gonio.brdf import Abc
 from gonio.brdf.models.abc import lobe
 from gonio.geometry import Array
-from gonio.reconstruct import ReconstructionError
 from gonio.reconstruct.clean import usable
+from gonio.reconstruct.errors import ReconstructionError
 from gonio.reconstruct.fits.log_nnls import log_nnls
 from gonio.reconstruct.samples import Samples
 from gonio.reconstruct.splines.residual import LogRatio

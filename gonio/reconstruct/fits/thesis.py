@@ -11,8 +11,8 @@ from scipy.spatial import QhullError
 from gonio.brdf.models.ndf import GgxNdf
 from gonio.brdf.tables.slices import SlicesBrdf, half_vectors, incidence_grid, pdf_grid
 from gonio.geometry import Array, from_angles, half_vector, reflect, to_half_diff
-from gonio.reconstruct import ReconstructionError
 from gonio.reconstruct.clean import usable
+from gonio.reconstruct.errors import ReconstructionError
 from gonio.reconstruct.fits.ggx import fit_cosine_weighted
 from gonio.reconstruct.fits.laplace import fill_holes
 from gonio.reconstruct.samples import Samples

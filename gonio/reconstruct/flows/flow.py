@@ -21,8 +21,8 @@ from gonio.flow.cubes import make_cube
 from gonio.flow.density import FlowDensity
 from gonio.flow.flow import Flow, FlowError, Shape
 from gonio.geometry import Array
-from gonio.reconstruct import ReconstructionError
 from gonio.reconstruct.clean import clean
+from gonio.reconstruct.errors import ReconstructionError
 from gonio.reconstruct.samples import Samples
 from gonio.reconstruct.splines.auto import Problem, peak_width
 from gonio.reconstruct.splines.frame import Frame

@@ -11,6 +11,7 @@ import numpy as np
 
 from gonio.geometry import Array
 from gonio.reconstruct.clean import clean
+from gonio.reconstruct.errors import ReconstructionError
 from gonio.reconstruct.samples import Samples
 from gonio.reconstruct.splines.frame import Coordinates, Frame, PairAngles
 from gonio.reconstruct.splines.grain import Grain
@@ -131,6 +132,10 @@ def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) ->
     wrong = outliers(frame.stretch(peak_width(p))(p.angles), p.y, rng)
     if wrong.any():
         s = s[~wrong]
+        if not (s.f > 0).any():
+            raise ReconstructionError(
+                f"all {wrong.sum()} readings above zero stand alone among {len(s)} that are not; check light and range"
+            )
         p = Problem.of(s, frame, rng)
     few = p if len(s) <= CHOOSING else Problem.of(s[rng.permutation(len(s))[:CHOOSING]], frame, rng)
     stretch = chosen_stretch(few, rng)

@@ -90,18 +90,21 @@ def log_nnls(columns: Array, g: Array, floor: Array) -> Array:
 
     weights = []
     for c in range(g.shape[1]):
-        y = np.maximum(g[:, c], 0) + floor[c]
+        # in units of the brightest, so that no power of a tiny f overflows
+        scale = float(g[:, c].max() + floor[c])
+        e = floor[c] / scale
+        y = np.maximum(g[:, c], 0) / scale + e
         energy = y**0.1  # a little more say to what carries energy: the least error of the final result
         w = energy / (y + 0.1 * np.median(y))
         x = np.zeros(columns.shape[1])
         for _ in range(7):
-            x, _ = nnls(columns * w[:, None], (y - floor[c]) * w, maxiter=5000)
-            model = columns @ x + floor[c]
+            x, _ = nnls(columns * w[:, None], (y - e) * w, maxiter=5000)
+            model = columns @ x + e
             log, gap = np.log(model / y), model - y
             # the weight under which a square is the square of the logarithm, large ones held back (Huber)
             exact = np.where(np.abs(log) > 1e-4, log / np.where(gap == 0, 1, gap), 1 / y)
             w = np.sqrt(w * exact * energy / (1 + (log / 0.5) ** 2) ** 0.25)
-        weights.append(x)
+        weights.append(scale * x)
     return np.stack(weights, 1)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from gonio.reconstruct import ReconstructionError
+from gonio.reconstruct.errors import ReconstructionError
 from gonio.render.thesis import clouds, grids, spheres, warped
 from gonio.render.thesis.subject import Missing, Subject
 
