@@ -5,7 +5,7 @@ samples -> clean -> base (lobes, log loss) -> log ratio -> coordinates chosen by
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from gonio.geometry import Array
 from gonio.reconstruct.clean import clean
 from gonio.reconstruct.errors import ReconstructionError
 from gonio.reconstruct.samples import Samples
+from gonio.reconstruct.splines import symmetry
 from gonio.reconstruct.splines.frame import Coordinates, Frame, PairAngles
 from gonio.reconstruct.splines.grain import Grain
 from gonio.reconstruct.splines.held_out import EnergyError
@@ -23,6 +24,7 @@ from gonio.reconstruct.splines.reciprocity import holds, mirrored
 from gonio.reconstruct.splines.residual import LogRatio
 from gonio.reconstruct.splines.robust_base import RobustBase
 from gonio.reconstruct.splines.spread import Spread
+from gonio.reconstruct.splines.symmetry import Alignment
 from gonio.reconstruct.tables.lookup import Lookup
 from gonio.reconstruct.tables.tabulate import TabulatedBrdf
 
@@ -61,6 +63,12 @@ class AutoBrdf:
             out[up] = self.spread(self.table.chart(a)) * ratio.slope(g, base) / a.cos_o[:, None]
         return out
 
+    @property
+    def alignment(self) -> Alignment:
+        """How the directions of the readings were turned to have the sample in its place; `eval` takes turned ones."""
+        x, y, azimuth = (self.notes.get(k, 0.0) for k in ("tilt_x_deg", "tilt_y_deg", "azimuth_deg"))
+        return Alignment(x, y, azimuth)
+
     def to_arrays(self) -> dict[str, Array]:
         notes = {f"note.{k}": np.array(v, float) for k, v in self.notes.items()}
         own = {"spread": self.spread.values, "energy_error_estimate": np.array(self.energy_error_estimate)}
@@ -98,12 +106,18 @@ class Problem:
         b = base(a)
         return cls(s, frame, a, g, sigma, ratio, base, b, ratio.forward(g, b), ratio.variance(g, sigma, b))
 
+    def at(self, index) -> "Problem":
+        """The same of the samples at `index`: base and floor are those of all."""
+        per_sample = {k: getattr(self, k)[index] for k in ("samples", "g", "sigma", "b", "y", "variance")}
+        return replace(self, angles=self.angles.at(index), **per_sample)
+
 
 @dataclass(frozen=True)
 class Splines:
     """What is tabulated: log_ratio(angles) -> (N, C) to the base, and its standard deviation as a table over the chart.
 
-    t0 in radians; error, notes: as `AutoBrdf` has them.
+    t0 in radians; error, notes: as `AutoBrdf` has them; seen(said) -> the energy error of a log ratio `said` that is
+    asked at the samples themselves.
     """
 
     frame: Frame
@@ -113,6 +127,7 @@ class Splines:
     log_ratio: Callable[[PairAngles], Array]
     spread: Lookup
     error: float
+    seen: Callable[[Callable[[PairAngles], Array]], float]
     notes: dict[str, float]
 
 
@@ -120,7 +135,9 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Aut
     """Raises ReconstructionError for samples too few or too poor."""
     s = splines(samples, anisotropic=anisotropic, rng=rng)
     table = TabulatedBrdf.of(s.frame, s.base, s.ratio, s.t0, s.log_ratio)
-    return AutoBrdf(table, s.spread, s.error, s.notes)
+    # what is delivered is the table: where it smooths away what the splines follow, that is an error too
+    error = max(s.error, s.seen(lambda a: table.table(table.chart(a))))
+    return AutoBrdf(table, s.spread, error, s.notes)
 
 
 def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Splines:
@@ -137,6 +154,10 @@ def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) ->
                 f"all {wrong.sum()} readings above zero stand alone among {len(s)} that are not; check light and range"
             )
         p = Problem.of(s, frame, rng)
+    mirror = None if anisotropic else symmetry.ask(p, peak_width(p), rng)
+    if mirror is not None and mirror.corrected:
+        s, bounds = mirror.alignment.applied(s), mirror.alignment.applied(bounds)
+        p = Problem.of(s, frame, rng)
     few = p if len(s) <= CHOOSING else Problem.of(s[rng.permutation(len(s))[:CHOOSING]], frame, rng)
     stretch = chosen_stretch(few, rng)
     x, y, variance = stretch(p.angles), p.y, p.variance
@@ -149,7 +170,8 @@ def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) ->
     patches = Patches(x, y, variance)
     looked = rng.permutation(len(s))[:LOOKED_AT]
     said = left_out(x, y, variance, looked)
-    error = EnergyError(p.angles, p.g, p.sigma, stretch, looked)(p.ratio.inverse(said, p.b[looked]))
+    energy_error = EnergyError(p.angles, p.g, p.sigma, stretch, looked)
+    error = energy_error(p.ratio.inverse(said, p.b[looked]))
     chart = frame.chart(stretch.t0)
     spread = Spread(x[looked], said - y[looked], variance[looked])
     nodes, _ = chart.nodes(chart.spread)
@@ -169,7 +191,14 @@ def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) ->
         "azimuth": stretch.azimuth,
         "elevation": stretch.elevation,
     }
-    return Splines(frame, p.base, p.ratio, stretch.t0, mean_log_ratio, known, error, notes)
+    if mirror is not None:
+        notes |= mirror.notes()
+        error = float(np.hypot(error, mirror.left))
+
+    def seen(log_ratio: Callable[[PairAngles], Array]) -> float:
+        return energy_error(p.ratio.inverse(log_ratio(p.angles.at(looked)), p.b[looked]))
+
+    return Splines(frame, p.base, p.ratio, stretch.t0, mean_log_ratio, known, error, seen, notes)
 
 
 def chosen_stretch(p: Problem, rng: np.random.Generator) -> Coordinates:
