@@ -15,6 +15,7 @@ from gonio.mcmc import diagnostics
 from gonio.mcmc.proposals import KINDS
 from gonio.reconstruct.samples import Samples
 from gonio.render import figures
+from gonio.render.verdict import Verdict, verdict
 from gonio.run.record.store import Store
 
 STYLE = """
@@ -22,6 +23,7 @@ body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:64rem;padding
 h1{font-size:1.5rem;margin-bottom:.2rem}h2{font-size:1.1rem;margin-top:2rem;border-bottom:1px solid #ddd}
 table{border-collapse:collapse}td{padding:.1rem 1.2rem .1rem 0;vertical-align:top}td:first-child{color:#667}
 img{max-width:100%}p{color:#445}
+.good{color:#0a6b2d}.not-yet{color:#8a5a00}.unusable{color:#a01818}
 """
 
 
@@ -36,7 +38,8 @@ def write_report(
     good = np.isfinite(m.f).all(1)
     samples = Samples.of(m.seen[good, :3], m.seen[good, 3:], m.f[good], m.sigma[good], m.saturated[good])
     sphere, figures_of_merit = figures.spheres(brdf, truth)
-    parts = [_facts(store, material, m, steps, brdf)]
+    failed = int((~good).sum())
+    parts = [_verdict(verdict(brdf, samples, material, failed)), _facts(store, material, m, steps, brdf)]
     parts.append(
         _section(
             "Sphere under a sky and three lamps", sphere, ", ".join(f"{k} {v:.1f}" for k, v in figures_of_merit.items())
@@ -71,6 +74,11 @@ def write_report(
     )
     with open(path, "w", encoding="utf-8") as out:
         out.write(page)
+
+
+def _verdict(v: Verdict) -> str:
+    lines = "".join(f"<li>{html.escape(line)}" for line in v.findings)
+    return f'<p class="{v.grade.replace(" ", "-")}"><strong>{html.escape(v.line)}</strong></p><ul>{lines}</ul>'
 
 
 def _facts(store: Store, material: Material, m, steps, brdf: Brdf) -> str:
@@ -144,8 +152,8 @@ def _flow(store: Store, samples: Samples, density) -> str:
 
 def _reciprocity(samples: Samples) -> str:
     return (
-        f"<p>{len(samples)} measurements used as they are. Whether f(wi, wo) = f(wo, wi) holds on this sample was not "
-        "forced on the result; mirror symmetry about the plane of incidence is assumed of an isotropic one.</p>"
+        f"<p>{len(samples)} measurements. Reciprocity, f(wi, wo) = f(wo, wi), and, of an isotropic sample, mirror "
+        "symmetry about the plane of incidence were asked of the data, not forced on them.</p>"
     )
 
 

@@ -33,8 +33,21 @@ def make_brdf(folder: Path, model: str | None = None, out: Path | None = None) -
 
 
 def make_products(folder: Path) -> list[str]:
-    """Everything a user expects after an acquisition: the BRDF, its .bsdf, the report."""
-    return [make_brdf(folder), f"bsdf   {export_run(folder, 'bsdf')}", f"report {make_report(folder)}"]
+    """Everything a user expects after an acquisition: the BRDF, its .bsdf, the report; how good it is stands first."""
+    made = [make_brdf(folder), f"bsdf   {export_run(folder, 'bsdf')}", f"report {make_report(folder)}"]
+    return [judge(folder), *made]
+
+
+def judge(folder: Path) -> str:
+    """The verdict on a run's BRDF and what was found wrong with it, in lines."""
+    from gonio.render.verdict import verdict
+
+    material = read_config(folder).material
+    with Store.open(folder, write=False) as store:
+        m = store.measured()
+        samples = load_samples(store, m)
+    v = verdict(gonio.load_brdf(folder), samples, material, len(m.id) - len(samples))
+    return "\n".join(line.replace("RUN", str(folder)) for line in [v.line, *v.findings])
 
 
 def evaluate_run(path: str, truth: str | None) -> dict[str, float]:
