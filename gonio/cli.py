@@ -5,6 +5,7 @@ Exit codes: 0 done · 1 bug · 2 usage or config · 3 hardware fault · 4 safety
 """
 
 import sys
+from typing import Annotated
 
 import typer
 
@@ -17,11 +18,29 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 for group in (acquisition, products, rig, owner, studies):
     group.register(app)
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(materials.app, name="materials")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        import gonio
+
+        typer.echo(f"gonio {gonio.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="say it and end")
+    ] = False,
+) -> None:
+    pass
 
 
 def main() -> None:

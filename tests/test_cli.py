@@ -200,3 +200,17 @@ def test_check_prints_the_plan():
     out = gonio("check", "analytic_gloss").stdout
     for word in ("isotropic", "dimensions", "reachable", "rig time", "auto"):
         assert word in out
+
+
+@pytest.mark.parametrize(
+    "words", [["-h"], ["--help"], ["check", "-h"], ["calibrate", "-h"], ["calibrate", "camera", "-h"]]
+)
+def test_help_has_a_short_name(words):
+    done = gonio(*words)
+    assert done.returncode == 0 and done.stdout.startswith("Usage:")
+
+
+def test_version():
+    from gonio import __version__
+
+    assert gonio("--version").stdout == f"gonio {__version__}\n"

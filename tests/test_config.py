@@ -54,6 +54,29 @@ def test_mistakes_are_explained_in_one_line(text, words):
     assert "\n" not in message and all(w in message for w in words), message
 
 
+@pytest.mark.parametrize("written", ["007", "450", "1e4", "no", "2026-11-26", "1.50", "0x1F"])
+def test_a_key_that_can_only_be_text_takes_what_is_written(written):
+    m = parse_config(f"name: '{written}'\nchannels: [{written}, B]", Material)
+    assert m.channels == (written, "B")
+    assert parse_config(f"name: a{written}\ntruth: {written}", Material).truth == written
+    assert parse_config(GOOD, Material, [f"truth={written}", f"channels=[{written}]"]).channels == (written,)
+
+
+def test_names_that_look_like_numbers():
+    assert parse_config("name: 007\nchannels: [450, 550, 650]", Material).channels == ("450", "550", "650")
+    assert parse_config("name: 007", Material).name == "007"
+    assert parse_config(GOOD, Material, ["name=007"]).name == "007"
+    assert parse_config("name: a\ntruth: null", Material).truth is None
+    assert parse_config("name: a\nsampler: {target: {channels: 1}}", Material).sampler.target.channels == 1
+
+
+def test_whole_numbers_with_an_exponent():
+    assert parse_config("name: a\nbudget: {measurements: 1e4}", Material).budget.measurements == 10_000
+    assert parse_config(GOOD, Material, ["budget.measurements=2.5e3"]).budget.measurements == 2500
+    with pytest.raises(ConfigError, match=r"budget\.measurements"):
+        parse_config(GOOD, Material, ["budget.measurements=1.5e0"])
+
+
 def test_overrides():
     m = parse_config(
         GOOD, Material, ["sampler.proposal=pss_simple", "budget.measurements=7", "sampler.target.channels=1"]

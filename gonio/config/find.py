@@ -5,7 +5,7 @@ from pathlib import Path
 
 from gonio.config.loader import ConfigError
 
-SHIPPED = Path(__file__).resolve().parents[2] / "configs"
+SHIPPED = Path(__file__).resolve().parents[1] / "configs"
 
 
 def find_config(name: str | os.PathLike[str], kind: str) -> Path:

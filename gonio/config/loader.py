@@ -9,6 +9,8 @@ from typing import Any, TypeVar, get_args
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from gonio.config.scalars import as_keys_want
+
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 20
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -50,9 +52,10 @@ def load_config(path: str | os.PathLike[str], model: type[Model], overrides: Ite
 
 def parse_config(text: str, model: type[Model], overrides: Iterable[str] = (), source: str = "config") -> Model:
     """As `load_config`, from text."""
-    data, lines = _read(text, source)
+    data, node, lines = _read(text, source)
+    data = as_keys_want(data, node, model)
     for item in overrides:
-        _override(data, item)
+        _override(data, item, model)
     try:
         return model.model_validate(data)
     except ValidationError as e:
@@ -61,7 +64,7 @@ def parse_config(text: str, model: type[Model], overrides: Iterable[str] = (), s
         raise ConfigError(f"{source}: nested too deeply") from None
 
 
-def _read(text: str, source: str) -> tuple[dict[str, Any], dict[tuple, int]]:
+def _read(text: str, source: str) -> tuple[dict[str, Any], yaml.Node, dict[tuple, int]]:
     try:
         problem = _unwanted(text)
         if problem:
@@ -83,7 +86,7 @@ def _read(text: str, source: str) -> tuple[dict[str, Any], dict[tuple, int]]:
     lines: dict[tuple, int] = {}
     assert node is not None  # a document that is a dict has a node
     _index(node, (), lines, source)
-    return data, lines
+    return data, node, lines
 
 
 def _unwanted(text: str) -> str | None:
@@ -116,21 +119,27 @@ def _index(node: yaml.Node, path: tuple, lines: dict[tuple, int], source: str) -
             _index(value, (*path, i), lines, source)
 
 
-def _override(data: dict[str, Any], item: str) -> None:
+def _override(data: dict[str, Any], item: str, model: type[BaseModel]) -> None:
     key, sign, value = item.partition("=")
     names = key.strip().split(".")
     if not sign or not all(names):
         raise ConfigError(f"--set {item}: expected key.subkey=value")
     try:
-        parsed = yaml.safe_load(value)
+        parsed, node = yaml.safe_load(value), yaml.compose(value, Loader=_Loader)
     except (yaml.YAMLError, ValueError) as e:
         raise ConfigError(f"--set {item}: the value is not YAML ({_one_line(e)})") from None
+    for name in reversed(names):  # as if it stood in the file, so that its key's type is found the same way
+        parsed = {name: parsed}
+        if node is not None:
+            node = yaml.MappingNode("tag:yaml.org,2002:map", [(yaml.ScalarNode("tag:yaml.org,2002:str", name), node)])
+    parsed = as_keys_want(parsed, node, model)
     for name in names[:-1]:
+        parsed = parsed[name]
         inner = data.get(name)
         if not isinstance(inner, dict):
             inner = data[name] = {}
         data = inner
-    data[names[-1]] = parsed
+    data[names[-1]] = parsed[names[-1]]
 
 
 def _explain(error: ValidationError, model: type[BaseModel], lines: Mapping[tuple, int], source: str, overrides) -> str:

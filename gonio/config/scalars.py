@@ -1,0 +1,55 @@
+"""What a plain scalar of a YAML file means is what its key is for: `name: 007` is text, `measurements: 1e4` a number.
+
+YAML 1.1 reads 007 as 7, 450 as a number, `no` as false, 2026-11-26 as a date and 1e4 as text. A key that can only be
+text takes the scalar as it is written; one that can only be a whole number takes 1e4 as 10000.
+"""
+
+import re
+import types
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import yaml
+from pydantic import BaseModel
+
+EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d{1,3}")
+
+
+def as_keys_want(data: Any, node: yaml.Node | None, *wanted: Any) -> Any:
+    """`data`, loaded from `node`, its scalars as a key of one of the types `wanted` (models, annotations) means them."""
+    options = [o for w in wanted for o in _options(w)]
+    if isinstance(node, yaml.MappingNode) and isinstance(data, Mapping):
+        nodes = {k.value: v for k, v in node.value}
+        return {key: as_keys_want(value, nodes.get(key), *_of_key(options, key)) for key, value in data.items()}
+    if isinstance(node, yaml.SequenceNode) and isinstance(data, list):
+        items = [a for o in options for a in get_args(o) if get_origin(o) in (tuple, list) and a is not Ellipsis]
+        return [as_keys_want(value, inner, *items) for value, inner in zip(data, node.value)]
+    if not isinstance(node, yaml.ScalarNode) or node.style or data is None:  # quoted, or nothing
+        return data
+    leaves = {o for o in options if o is not type(None)}
+    if leaves and all(o in (str, Path) or _is_literal_text(o) for o in leaves):
+        return node.value
+    if int in leaves and str not in leaves and EXPONENT.fullmatch(node.value):
+        number = float(node.value)
+        return int(number) if number.is_integer() else number
+    return data
+
+
+def _options(annotation: Any) -> list[Any]:
+    """The types a value may have: unions and `Annotated` taken apart."""
+    if get_origin(annotation) is Annotated:
+        return _options(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, types.UnionType):
+        return [o for a in get_args(annotation) for o in _options(a)]
+    return [annotation]
+
+
+def _of_key(options: list[Any], key: Any) -> list[Any]:
+    """The annotations of a mapping's value at `key`; none where the key is not known."""
+    models = [o for o in options if isinstance(o, type) and issubclass(o, BaseModel) and key in o.model_fields]
+    return [m.model_fields[key].annotation for m in models] + [get_args(o)[1] for o in options if get_origin(o) is dict]
+
+
+def _is_literal_text(option: Any) -> bool:
+    return get_origin(option) is Literal and all(isinstance(v, str) for v in get_args(option))
