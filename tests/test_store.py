@@ -1,5 +1,6 @@
 """Run folders: whole or not there, one writer, readable only as what they are."""
 
+import datetime as dt
 import json
 import os
 import sqlite3
@@ -9,6 +10,7 @@ import sys
 import numpy as np
 import pytest
 
+from gonio.rig.calibration import RadiometryCalibration, save_calibration
 from gonio.run.record.store import Store, StoreError
 
 
@@ -141,7 +143,12 @@ def test_a_run_that_never_began_leaves_nothing(tmp_path):
 
 def test_a_rig_that_is_not_there_leaves_no_run_behind(tmp_path):
     env = {**os.environ, "XDG_RUNTIME_DIR": str(tmp_path)}
-    command = [sys.executable, "-m", "gonio.cli", "acquire", "chm_orange", "--rig", "bench", "--set", "truth=null"]
+    calibration = RadiometryCalibration(
+        id="r", date=dt.datetime.now(dt.UTC), rig="bench", gain=(1.0,) * 3, gain_sigma=(0.0,) * 3
+    )
+    made = save_calibration(calibration, tmp_path / "made")
+    sets = ["--set", "truth=null", "--set", f"rig.calibration.radiometry={made}"]
+    command = [sys.executable, "-m", "gonio.cli", "acquire", "chm_orange", "--rig", "bench", *sets]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=env, timeout=300)
     assert done.returncode == 3 and "is gone" in done.stderr and "no run folder is left" in done.stderr
-    assert "Traceback" not in done.stderr and [p.name for p in tmp_path.iterdir()] == ["gonio"]
+    assert "Traceback" not in done.stderr and [p.name for p in sorted(tmp_path.iterdir())] == ["gonio", "made"]

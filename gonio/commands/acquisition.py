@@ -72,11 +72,18 @@ def check(
     rig: RigOption = "sim",
     seed: Annotated[int | None, typer.Option()] = None,
     set_: SetOption = [],  # noqa: B006
+    out: Annotated[Path | None, typer.Option(help="the run folder that is to be made")] = None,
 ) -> None:
-    """Read a config and print what it would do: dimensions, reachable share, estimated rig time. No hardware."""
+    """Read a config and all it names, and print what it would do: reachable share, estimated rig time. No hardware.
+
+    Whatever `acquire` would refuse before it moves is refused.
+    """
     from gonio.run.check import plan_text
+    from gonio.run.record.folder import refuse_folder
 
     material, rig_config = _configs(config, rig, set_, seed)
+    if out is not None:
+        refuse_folder(out)
     typer.echo(plan_text(material, rig_config))
 
 

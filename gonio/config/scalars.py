@@ -17,7 +17,7 @@ EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d{1,3}")
 
 
 def as_keys_want(data: Any, node: yaml.Node | None, *wanted: Any) -> Any:
-    """`data`, loaded from `node`, its scalars as a key of one of the types `wanted` (models, annotations) means them."""
+    """`data`, loaded from `node`, with its scalars as a key of one of the types `wanted` (models, …) means them."""
     options = [o for w in wanted for o in _options(w)]
     if isinstance(node, yaml.MappingNode) and isinstance(data, Mapping):
         nodes = {k.value: v for k, v in node.value}

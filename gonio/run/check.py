@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from gonio.config.fit import refuse_misfit
 from gonio.config.material import Material
 from gonio.config.rig import RigConfig
 from gonio.geometry import Array
-from gonio.rig.build import envelope_of, park_pose
+from gonio.rig.build import park_pose
 from gonio.rig.motion.plan import Planner
+from gonio.run.prepare import prepare
 
 PAIRS = 20_000
 TOUR = 512
@@ -16,21 +16,20 @@ TOUR = 512
 def plan_text(material: Material, rig: RigConfig) -> str:
     """The resolved plan: sample, chain, reachable share of the domain, estimated rig time. Touches no hardware.
 
-    Raises ConfigError where material and rig do not fit.
+    Raises what `prepare` does: whatever `acquire` would refuse before it moves.
     """
-    refuse_misfit(material, rig)
+    ready = prepare(material, rig)
     c, target = material.sampler, material.sampler.target
     isotropic = material.symmetry == "isotropic"
-    envelope = envelope_of(rig)
+    envelope = ready.envelope
     wi, wo = _random_pairs(np.random.default_rng(0), PAIRS)
     reachable = envelope.reachable(wi, wo)
     chosen = np.flatnonzero(reachable)[:TOUR]
     dimensions = 3 if isotropic else 4
-    nothing = "none: the rig is real" if rig.depth == "real" else "missing, and this rig needs one"
     sample = f"{material.name}, {material.symmetry}: {dimensions} dimensions, {len(material.channels)} channels"
     lines = [
         ("material", sample),
-        ("truth", material.truth or nothing),
+        ("truth", f"{material.truth}, {ready.origin}" if ready.truth else "none: the rig is real"),
         ("chain", f"{c.chains} x {c.proposal}, seed {material.seed}"),
         ("target", f"channels {target.channels}, power {target.power:g}, floor {target.floor:.0%} of the draws"),
         ("rig", f"{rig.name} ({rig.depth}), {rig.kinematics.kind}, stay-out {rig.stay_out_deg:g} deg"),

@@ -13,11 +13,11 @@ import gonio
 from gonio.acquire import Interrupted, Progress, acquire
 from gonio.brdf import Brdf
 from gonio.config import ConfigError, Material
-from gonio.config.fit import refuse_misfit
 from gonio.config.rig import RigConfig
 from gonio.mcmc import make_sampler
 from gonio.rig.errors import RigError
 from gonio.run.open_rig import open_rig
+from gonio.run.prepare import find_truth, prepare
 from gonio.run.provenance import provenance
 from gonio.run.record.config import RunConfig, dump, read_config, write_config
 from gonio.run.record.store import Store
@@ -102,25 +102,17 @@ class Run:
 def start(material: Material, rig: RigConfig, out: str | os.PathLike[str] | None = None) -> Run:
     """A new run folder, nothing measured yet. out = None: runs/<material>/<UTC stamp>-<short id>.
 
-    Raises ConfigError, FlowError before there is a folder.
+    Raises what `prepare` does, before there is a folder; StoreError.
     """
-    refuse_misfit(material, rig)
-    truth, origin = find_truth(material, rig)
-    if truth is not None and truth.channels != len(material.channels):
-        raise ConfigError(f"channels: {len(material.channels)} named, but the truth ({origin}) has {truth.channels}")
-    if material.sampler.flow.weights is not None:
-        from gonio.flow import shipped
-
-        shipped.load_conditional(material.sampler.flow.weights)
+    ready = prepare(material, rig)
     if out is None:
         stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
         out = Path("runs") / material.name / f"{stamp}-{secrets.token_hex(2)}"
     config = RunConfig(material=material, rig=rig)
-    store = Store.create(out, dump(config), provenance(material, rig, origin), **_care(rig))
-    store.event(
-        "started", f"gonio {gonio.__version__}, rig {rig.name} ({rig.depth}), truth {origin or 'what lies on the rig'}"
-    )
-    return Run(config, store, truth)
+    store = Store.create(out, dump(config), provenance(material, rig, ready.origin), **_care(rig))
+    shown = ready.origin or "what lies on the rig"
+    store.event("started", f"gonio {gonio.__version__}, rig {rig.name} ({rig.depth}), truth {shown}")
+    return Run(config, store, ready.truth)
 
 
 def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = ()) -> Run:
@@ -138,20 +130,6 @@ def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = ()) -> R
         write_config(folder, config)
     store.event("resumed", f"gonio {gonio.__version__}, truth {origin or 'what lies on the rig'}")
     return Run(config, store, truth)
-
-
-def find_truth(material: Material, rig: RigConfig) -> tuple[Brdf | None, str]:
-    """The BRDF a simulated rig shows and where it was found; (None, "") on a real rig."""
-    if rig.depth == "real":
-        if material.truth is not None:
-            raise ConfigError(f"truth: rig {rig.name} is real and shows what lies on it; leave `truth` out")
-        return None, ""
-    if material.truth is None:
-        raise ConfigError(f"truth: missing; rig {rig.name} is simulated and needs a BRDF to show")
-    from gonio.brdf.library import find
-
-    found = find(material.truth)
-    return gonio.load_brdf(found.path), found.origin
 
 
 def note_flow(plan, store: Store) -> None:

@@ -15,6 +15,17 @@ class StoreError(Exception):
     exit_code = 2
 
 
+def refuse_folder(folder: Path) -> None:
+    """Raises StoreError where a new run cannot be put."""
+    if folder.exists():
+        raise StoreError(
+            f"{folder}: exists already; name a new folder with --out, or go on with `gonio resume {folder}`"
+        )
+    above = next(p for p in folder.absolute().parents if p.exists())
+    if not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
+        raise StoreError(f"{folder}: cannot be made in {above}; name another folder with --out")
+
+
 def connect(path: Path, power_safe: bool) -> sqlite3.Connection:
     """power_safe: whether a commit waits until the disk has it."""
     db = sqlite3.connect(path, timeout=5, check_same_thread=False)

@@ -21,8 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gonio.atomic import replacing
 from gonio.geometry import Array
-from gonio.run.record.folder import StoreError, connect, explained, remove, take_lock
+from gonio.run.record.folder import StoreError, connect, explained, refuse_folder, remove, take_lock
 from gonio.run.record.schema import FORMAT, RIG, SCHEMA, STEP_COLUMNS, Measured, numbers
 
 
@@ -54,19 +55,17 @@ class Store:
         """A new run. Raises StoreError where the folder exists or cannot be made."""
         folder = Path(folder)
         made = [p for p in folder.parents if not p.exists()]
+        refuse_folder(folder)
         try:
             folder.parent.mkdir(parents=True, exist_ok=True)
             folder.mkdir()
-        except FileExistsError:
-            raise StoreError(
-                f"{folder}: exists already; name a new folder with --out, or go on with `gonio resume {folder}`"
-            ) from None
         except OSError as e:
             raise StoreError(f"{folder}: {e.strerror}; name another folder with --out") from None
         try:
             with explained(folder):
                 lock = take_lock(folder)
-                (folder / "config.yaml").write_text(config_yaml)
+                with replacing(folder / "config.yaml") as file:
+                    file.write(config_yaml.encode())
                 db = connect(folder / "run.sqlite", power_safe)
                 db.executescript(SCHEMA)
                 meta = {"format": FORMAT, "provenance": provenance, "ended": ""}

@@ -1,0 +1,76 @@
+"""All that a run needs before anything moves, found and looked at: what is refused here costs no rig time.
+
+`gonio check` and `gonio acquire` go through the same door, so that a plan that cannot start is no plan.
+"""
+
+from dataclasses import dataclass
+
+import gonio
+from gonio.brdf import Brdf
+from gonio.config import ConfigError, Material
+from gonio.config.fit import refuse_misfit
+from gonio.config.rig import RigConfig
+from gonio.mcmc import make_sampler
+from gonio.rig.build import (
+    camera_calibration,
+    camera_frames,
+    envelope_of,
+    geometry_calibration,
+    radiometry_of,
+)
+from gonio.rig.motion.envelope import Envelope
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """truth: the BRDF that a simulated rig shows and in words where it was found; None and "" on a real rig."""
+
+    truth: Brdf | None
+    origin: str
+    envelope: Envelope
+
+
+def prepare(material: Material, rig: RigConfig) -> Prepared:
+    """Raises ConfigError, BrdfFileError, FlowError, CalibrationMissing, NoSupport: whatever would keep a run from
+    starting, but for the devices themselves."""
+    refuse_misfit(material, rig)
+    _refuse_missing_devices(rig)
+    truth, origin = find_truth(material, rig)
+    if truth is not None and truth.channels != len(material.channels):
+        raise ConfigError(f"channels: {len(material.channels)} named, but the truth ({origin}) has {truth.channels}")
+    if material.sampler.flow.weights is not None:
+        from gonio.flow import shipped
+
+        shipped.load_conditional(material.sampler.flow.weights)
+    envelope = envelope_of(rig, geometry_calibration(rig))
+    if rig.depth != "ideal":
+        radiometry_of(rig, len(material.channels))
+        if rig.detector == "camera":
+            camera_calibration(rig)
+            camera_frames(rig)
+    make_sampler(material, envelope.reachable).ask()
+    return Prepared(truth, origin, envelope)
+
+
+def find_truth(material: Material, rig: RigConfig) -> tuple[Brdf | None, str]:
+    """The BRDF a simulated rig shows and where it was found; (None, "") on a real rig."""
+    if rig.depth == "real":
+        if material.truth is not None:
+            raise ConfigError(f"truth: rig {rig.name} is real and shows what lies on it; leave `truth` out")
+        return None, ""
+    if material.truth is None:
+        raise ConfigError(f"truth: missing; rig {rig.name} is simulated and needs a BRDF to show")
+    from gonio.brdf.library import find
+
+    found = find(material.truth)
+    return gonio.load_brdf(found.path), found.origin
+
+
+def _refuse_missing_devices(rig: RigConfig) -> None:
+    """Raises ConfigError where a real rig names no port for a device that it cannot do without."""
+    if rig.depth != "real":
+        return
+    detector = "camera" if rig.detector == "camera" else "photodiode"
+    for name in ("stage", detector):
+        if getattr(rig.devices, name) is None:
+            raise ConfigError(f"devices.{name}: missing; rig {rig.name} is real, name where it is connected")
