@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.hdr import NEAR_SATURATION
+from gonio.atomic import beside
 from gonio.geometry import Array
 from gonio.rig.errors import CalibrationMissing
 from gonio.rig.staged import StagedRig
@@ -37,8 +38,9 @@ def take_view(rig: StagedRig, picture: Path, poses: Path) -> Array:
     scaled = np.clip(255 * grey / max(float(np.quantile(grey, 0.995)), 1.0), 0, 255).astype(np.uint8)
     head = ["view", *(f"{name}_deg" for name in rig.config.axis_names)]
     try:
-        if not cv2.imwrite(str(picture), scaled):
-            raise OSError
+        with beside(picture) as part:
+            if not cv2.imwrite(str(part), scaled):
+                raise OSError
         new = not poses.exists()
         with poses.open("a", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows([head] * new + [[picture.name, *(f"{a:.4f}" for a in np.degrees(pose))]])

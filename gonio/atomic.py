@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all: written beside, synced to the disk, renamed."""
 
 import os
 import tempfile
@@ -9,23 +9,40 @@ from typing import BinaryIO
 
 
 @contextmanager
-def replacing(path: str | os.PathLike) -> Iterator[BinaryIO]:
-    """A binary file to write to that takes the place of `path` when the block ends without an error.
+def beside(path: str | os.PathLike) -> Iterator[Path]:
+    """A file's name to write to, in the folder of `path` and with its suffix; it takes its place when the block ends.
 
-    Until then `path` is untouched; after an error (a full disk, Ctrl-C) nothing is left behind. Raises OSError.
+    For libraries that want a name. Until then `path` is untouched; after an error (a full disk, Ctrl-C) nothing is
+    left behind. Raises OSError.
     """
     path = Path(path)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=f".part{path.suffix}")
+    os.close(handle)
+    part = Path(name)
     try:
-        with os.fdopen(handle, "wb") as stream:
-            yield stream
-            stream.flush()
-            os.fsync(stream.fileno())
+        yield part
+        handle = os.open(part, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
         umask = os.umask(0)
         os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)  # mkstemp makes files that only their owner may read
-        os.replace(temporary, path)
+        os.chmod(part, 0o666 & ~umask)  # mkstemp makes files that only their owner may read
+        os.replace(part, path)
     except BaseException:
-        if os.path.exists(temporary):
-            os.unlink(temporary)
+        part.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def replacing(path: str | os.PathLike) -> Iterator[BinaryIO]:
+    """A binary file to write to that takes the place of `path` when the block ends without an error. Raises OSError."""
+    with beside(path) as part, open(part, "wb") as stream:
+        yield stream
+
+
+def write_text(path: str | os.PathLike, text: str) -> None:
+    """`text` in UTF-8 in the place of what was at `path`. Raises OSError."""
+    with replacing(path) as stream:
+        stream.write(text.encode())

@@ -49,8 +49,14 @@ def camera(
     if board is not None:
         import cv2
 
-        if not cv2.imwrite(str(board), board_image(made)):
-            raise ConfigError(f"{board}: cannot be written; name a .png in a folder that exists")
+        from gonio.atomic import beside
+
+        try:
+            with beside(board) as part:
+                if not cv2.imwrite(str(part), board_image(made)):
+                    raise OSError
+        except (OSError, cv2.error):
+            raise ConfigError(f"{board}: cannot be written; name a .png in a folder that exists") from None
         typer.echo(f"board  {board}: print it so that a square measures {square_mm:g} mm")
         return
     if take is not None:

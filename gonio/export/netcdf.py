@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gonio.atomic import beside
 from gonio.export.extra import needs
 from gonio.geometry import to_half_diff
 from gonio.run.record.store import Store
@@ -42,10 +43,9 @@ def write_netcdf(store: Store, path: str | os.PathLike[str]) -> Path:
     needs("h5netcdf", "study")
     arrays = chain_arrays(store)
     path = Path(path)
-    part = path.with_name(path.name + ".part")
     stats = {"accepted": arrays.pop("accepted"), "lp": arrays.pop("log_p"), "kind": arrays.pop("kind")}
-    for mode, group, columns in (("w", "posterior", arrays), ("a", "sample_stats", stats)):
-        data = xarray.Dataset({k: (("chain", "draw"), v) for k, v in columns.items()})
-        data.to_netcdf(part, mode=mode, group=group, engine="h5netcdf")
-    os.replace(part, path)
+    with beside(path) as part:
+        for mode, group, columns in (("w", "posterior", arrays), ("a", "sample_stats", stats)):
+            data = xarray.Dataset({k: (("chain", "draw"), v) for k, v in columns.items()})
+            data.to_netcdf(part, mode=mode, group=group, engine="h5netcdf")
     return path

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gonio.atomic import beside
 from gonio.geometry import to_angles
 from gonio.mcmc.proposals import KINDS
 from gonio.run.record.store import Store
@@ -62,13 +63,11 @@ def write_csv(store: Store, path: str | os.PathLike[str]) -> Path:
 
     table = step_table(store)
     path = Path(path)
-    part = path.with_name(path.name + ".part")
     columns = [[_text(v) for v in column.tolist()] for column in table.values()]
-    with open(part, "w", newline="") as out:
+    with beside(path) as part, open(part, "w", newline="") as out:
         writer = csv.writer(out)
         writer.writerow(table)
         writer.writerows(zip(*columns))
-    os.replace(part, path)
     return path
 
 
@@ -79,9 +78,8 @@ def write_parquet(store: Store, path: str | os.PathLike[str]) -> Path:
     pyarrow = needs("pyarrow", "study")
     parquet = needs("pyarrow.parquet", "study")
     path = Path(path)
-    part = path.with_name(path.name + ".part")
-    parquet.write_table(pyarrow.table(step_table(store)), part)
-    os.replace(part, path)
+    with beside(path) as part:
+        parquet.write_table(pyarrow.table(step_table(store)), part)
     return path
 
 

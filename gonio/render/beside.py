@@ -1,12 +1,12 @@
 """Truth, ours and the signed difference side by side, each object under each environment: `gonio render`."""
 
 import json
-import os
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
+from gonio.atomic import beside, write_text
 from gonio.brdf import Brdf
 from gonio.render.environment import ENVIRONMENTS
 from gonio.render.metrics import compare
@@ -51,10 +51,9 @@ def render_beside(ours: Brdf, truth: Brdf | None, table: Path | None, folder: Pa
             row[2].imshow(difference, cmap="RdBu_r", vmin=-limit, vmax=limit)
             row[2].set_title(f"difference, ± {limit:.2f}", fontsize=9)
             row[2].set_axis_off()
-    figure.savefig(folder / ".render.png", format="png")
-    (folder / ".render.json").write_text(json.dumps(figures))
-    for name in ("render.png", "render.json"):
-        os.replace(folder / f".{name}", folder / name)
+    with beside(folder / "render.png") as picture:
+        figure.savefig(picture, format="png")
+    write_text(folder / "render.json", json.dumps(figures))
     return [*lines, f"picture {folder / 'render.png'}"]
 
 

@@ -16,13 +16,13 @@ _said = False
 
 
 def load_mitsuba():
-    """mitsuba with a variant that works here: llvm where LLVM >= 19 is found, else scalar (slower, the same picture).
+    """mitsuba with an RGB variant that works here: llvm where LLVM >= 19 is found, else scalar (slower, the same).
 
-    LLVM 15 and 16 abort the process at the first render, so the version is asked for first.
+    A variant of RGB that was chosen before is kept; another, spectral say, cannot read a table in RGB. LLVM 15 and 16 abort the process at the first render, so the version is asked for first.
     """
     global _said
     drjit, mitsuba = needs("drjit", "render"), needs("mitsuba", "render")
-    if mitsuba.variant() is None:
+    if not (mitsuba.variant() or "").endswith("_rgb"):
         version = _llvm_version(drjit)
         mitsuba.set_variant("llvm_ad_rgb" if version >= 19 else "scalar_rgb")
         if version < 19 and not _said:

@@ -8,6 +8,7 @@ import os
 import numpy as np
 from matplotlib.figure import Figure
 
+from gonio.atomic import write_text
 from gonio.brdf import Brdf
 from gonio.config.material import Material
 from gonio.export.netcdf import chain_arrays
@@ -72,8 +73,7 @@ def write_report(
     page = f"<!doctype html><meta charset=utf-8><title>{title}</title><style>{STYLE}</style><h1>{title}</h1>" + "".join(
         parts
     )
-    with open(path, "w", encoding="utf-8") as out:
-        out.write(page)
+    write_text(path, page)
 
 
 def _verdict(v: Verdict) -> str:

@@ -7,6 +7,7 @@ from typing import Literal, TypeVar
 import yaml
 from pydantic import Field
 
+from gonio.atomic import write_text
 from gonio.config.loader import ConfigError, Section, load_config
 from gonio.rig.errors import CalibrationMissing
 
@@ -84,7 +85,5 @@ def save_calibration(calibration: Dated, folder: Path) -> Path:
     """Write `<id>.yaml` into the folder (made if needed), all or nothing; its path."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{calibration.id}.yaml"
-    draft = path.with_suffix(".tmp")
-    draft.write_text(yaml.safe_dump(calibration.model_dump(mode="json"), sort_keys=False), encoding="utf-8")
-    draft.replace(path)
+    write_text(path, yaml.safe_dump(calibration.model_dump(mode="json"), sort_keys=False))
     return path

@@ -1,6 +1,5 @@
 """What is made of a run folder: brdf.npz, brdf.bsdf, report.html, tables, scores. All can be made again at any time."""
 
-import os
 import warnings
 from pathlib import Path
 
@@ -98,10 +97,8 @@ def make_report(folder: Path) -> Path:
     if config.material.truth is not None:
         truth = open_truth(config.material.truth)
     path = Path(folder) / "report.html"
-    part = path.with_suffix(".part")
     with Store.open(folder, write=False) as store:
-        write_report(part, store, config.material, gonio.load_brdf(folder), truth, _run_flow(folder))
-    os.replace(part, path)
+        write_report(path, store, config.material, gonio.load_brdf(folder), truth, _run_flow(folder))
     return path
 
 

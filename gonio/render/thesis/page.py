@@ -7,6 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from gonio.atomic import beside, write_text
 from gonio.reconstruct.errors import ReconstructionError
 from gonio.render.thesis import clouds, grids, spheres, warped
 from gonio.render.thesis.subject import Missing, Subject
@@ -38,7 +39,8 @@ def make_figure(number: str, s: Subject, folder: Path) -> Path:
     except (Missing, ReconstructionError) as e:
         raise Missing(f"figure {number}: {e}") from None
     path = folder / f"figure_{number.replace('.', '_')}.png"
-    figure.savefig(path, dpi=110)
+    with beside(path) as part:
+        figure.savefig(part, dpi=110)
     return path
 
 
@@ -59,5 +61,5 @@ def make_all(s: Subject, folder: Path) -> list[str]:
     style = "body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:64rem}img{max-width:100%}"
     title = html.escape(f"{s.name}: the figures of the thesis")
     page = f"<!doctype html><meta charset=utf-8><title>{title}</title><style>{style}</style><h1>{title}</h1>"
-    (folder / "index.html").write_text(page + "".join(parts), encoding="utf-8")
+    write_text(folder / "index.html", page + "".join(parts))
     return [*lines, f"index  {folder / 'index.html'}"]

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gonio.atomic import replacing
 from gonio.geometry import Array
 from gonio.rig.errors import CalibrationMissing
 
@@ -31,16 +32,14 @@ class Frames:
         """Write `<id>.npz` into the folder (made if needed), all or nothing; its path."""
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / f"{self.id}.npz"
-        draft = path.with_suffix(".tmp")
         held = {
             "exposures": np.array(self.exposures), "dark": self.dark.astype(np.float32), "bad": self.bad,
             "averaged": np.array(self.averaged), "id": np.array(str(self.id)), "date": np.array(str(self.date)),
         }  # fmt: skip
         if self.flat is not None:
             held["flat"] = self.flat.astype(np.float32)
-        with draft.open("wb") as file:
+        with replacing(path) as file:
             np.savez_compressed(file, allow_pickle=False, **held)
-        draft.replace(path)
         return path
 
 

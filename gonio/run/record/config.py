@@ -6,7 +6,7 @@ from pathlib import Path
 
 import yaml
 
-from gonio.atomic import replacing
+from gonio.atomic import write_text
 from gonio.config import ConfigError, Material
 from gonio.config.loader import Section, parse_config
 from gonio.config.rig import RigConfig
@@ -30,8 +30,7 @@ def read_config(folder: str | os.PathLike[str], overrides: tuple[str, ...] = ())
 
 def write_config(folder: str | os.PathLike[str], config: RunConfig) -> None:
     """Whole or not at all: a process killed here leaves the config that was there before."""
-    with replacing(Path(folder) / "config.yaml") as file:
-        file.write(dump(config).encode())
+    write_text(Path(folder) / "config.yaml", dump(config))
 
 
 def dump(config: RunConfig) -> str:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gonio.atomic import replacing
+from gonio.atomic import write_text
 from gonio.geometry import Array
 from gonio.run.record.folder import StoreError, connect, explained, refuse_folder, remove, take_lock
 from gonio.run.record.schema import FORMAT, RIG, SCHEMA, STEP_COLUMNS, Measured, numbers
@@ -64,8 +64,7 @@ class Store:
         try:
             with explained(folder):
                 lock = take_lock(folder)
-                with replacing(folder / "config.yaml") as file:
-                    file.write(config_yaml.encode())
+                write_text(folder / "config.yaml", config_yaml)
                 db = connect(folder / "run.sqlite", power_safe)
                 db.executescript(SCHEMA)
                 meta = {"format": FORMAT, "provenance": provenance, "ended": ""}
