@@ -108,7 +108,10 @@ def _optics(config: RigConfig, devices: DevicesConfig, frames: FrameSource | Non
     elif (wrong := _port("light", devices.light)) is not None:
         yield wrong
     else:
-        light = SerialLight(TextLine("light", devices.light.port, devices.light.baud, grace_s=0), RealClock())
+        light = SerialLight(
+            TextLine("light", devices.light.port, devices.light.baud, grace_s=0, boot_s=devices.light.boot_s),
+            RealClock(),
+        )
     try:
         if light is not None:
             light.connect()
@@ -153,7 +156,9 @@ def _photodiode(config: RigConfig, devices: DevicesConfig, light: SerialLight | 
     if (wrong := _port("photodiode", devices.photodiode)) is not None:
         yield wrong
         return
-    line = TextLine("photodiode", devices.photodiode.port, devices.photodiode.baud, grace_s=0)
+    line = TextLine(
+        "photodiode", devices.photodiode.port, devices.photodiode.baud, grace_s=0, boot_s=devices.photodiode.boot_s
+    )
     detector = Photodiode(line, config.photodiode, config.exposure_s)
     try:
         detector.connect()

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.gone import PortGone
-from drivers.text_line import Refused, TextLine
+from drivers.numbers import decimal, whole
+from drivers.text_line import TextLine, shown
 from gonio.config.rig import PhotodiodeConfig
 from gonio.geometry import Array
 from gonio.rig.devices import Reading
@@ -25,6 +26,14 @@ from gonio.rig.errors import DeviceFault
 from gonio.rig.signal.averaging import readings_needed, sigma_of
 
 FILL = 0.9  # of a range's full scale that is used
+ABOVE, BELOW = 1.25, 0.25  # of the full scale: beyond, no converter says so
+RESTARTS = 3  # in one reading, and it is not well
+MOST_CHANNELS = 64
+PORT, FIRMWARE = "check devices.photodiode.port", "check its firmware and supply, then `gonio resume`"
+
+
+class Restarted(Exception):
+    """It is not as it was left: it has been reset, or set by somebody else."""
 
 
 @dataclass(frozen=True)
@@ -52,20 +61,28 @@ class Photodiode:
             self.line.open()
         except PortGone as e:
             raise self.line.gone(e) from None
-        identity = self.line.ask("*IDN?").split(",")
-        if len(identity) != 5 or not identity[4].isdigit():
-            raise DeviceFault(
-                "photodiode", f"{self.line.port} says it is {','.join(identity)!r}", "check devices.photodiode.port"
-            )
-        self.channels = int(identity[4])
+        *identity, channels = self.line.ask("*IDN?").split(",")
+        try:
+            self.channels = whole(channels)
+            if len(identity) != 4 or not 1 <= self.channels <= MOST_CHANNELS:
+                raise ValueError
+        except ValueError:
+            said = shown(",".join([*identity, channels]).encode())
+            raise DeviceFault("photodiode", f"{self.line.port} says it is {said}", PORT) from None
         self._reset()
 
     def _reset(self) -> None:
         self.line.ask("*RST")
-        self.full_scale = np.array([float(x) for x in self.line.ask("CONF:FULL?").split(",")])
+        answer = self.line.ask("CONF:FULL?")
+        try:
+            self.full_scale = np.array([decimal(x) for x in answer.split(",")])
+            if not (self.full_scale[0] > 0 and (np.diff(self.full_scale) > 0).all()):
+                raise ValueError
+        except ValueError:
+            raise DeviceFault("photodiode", f"has ranges of {shown(answer.encode())}", FIRMWARE) from None
         self.lsb = self.full_scale / 2**self.config.bits
         self._counter = 0
-        self._ranges = np.zeros(self.channels, np.int64)
+        self._ranges, self._unsettled = np.zeros(self.channels, np.int64), False
 
     def close(self) -> None:
         self.line.close()
@@ -80,17 +97,14 @@ class Photodiode:
         """Raises DeviceFault where nothing comes, or nothing that can be believed."""
         seconds = exposure or self.exposure
         end = time.monotonic() + self.config.average_s
-        try:
-            first = self._in_range(seconds)
-            samples, total = [first], first.signal.copy()
-            while not samples[-1].overload.any():
-                wanted = readings_needed(self.config, *self._noise(first, total / len(samples)), seconds)
-                if len(samples) >= wanted or time.monotonic() > end:  # slower than it should be: what there is will do
-                    break
-                samples.append(self._take(seconds))
-                total += samples[-1].signal
-        except Refused as e:
-            raise DeviceFault("photodiode", str(e), "see its manual, then `gonio resume`") from None
+        first = self._in_range(seconds)
+        samples, total = [first], first.signal.copy()
+        while not samples[-1].overload.any():
+            wanted = readings_needed(self.config, *self._noise(first, total / len(samples)), seconds)
+            if len(samples) >= wanted or time.monotonic() > end:  # slower than it should be: what there is will do
+                break
+            samples.append(self._take(seconds))
+            total += samples[-1].signal
         value = total / len(samples)
         raw = {
             "counter": samples[-1].counter,
@@ -133,37 +147,58 @@ class Photodiode:
         text = ",".join(map(str, ranges.tolist()))
         if self.line.ask(f"CONF:RANG {text}") != text:
             raise DeviceFault("photodiode", f"does not take the ranges {text}", "see its manual")
-        self._ranges = np.array(ranges)
-        self._take(0.0)  # the first after a change is not to be believed
+        self._ranges, self._unsettled = np.array(ranges), True  # the first reading after a change is not to be believed
 
     def _take(self, seconds: float) -> Sample:
-        """The next reading. Where its answer was lost, the reading is fetched, not made twice."""
+        """The next reading. After a restart (its plug was pulled) it is set up and asked again. Raises DeviceFault."""
+        for _ in range(RESTARTS):
+            try:
+                if self._unsettled:
+                    self._answer(0.0)
+                    self._unsettled = False
+                return self._answer(seconds)
+            except Restarted as e:
+                why, ranges = e, self._ranges
+                self._reset()
+                self._choose(ranges)
+        raise DeviceFault("photodiode", f"is not as it was left, {RESTARTS} times in a row: {why}", FIRMWARE)
+
+    def _answer(self, seconds: float) -> Sample:
+        """One reading. Where its answer was lost, the reading is fetched, not made twice. Raises Restarted."""
+        restarts = self.line.restarts
         for _ in range(4):
             text = self.line.ask(f"READ? {seconds:.6E}", seconds, again="FETC?")
-            s = self._parse(text)
-            if s.counter == self._counter + 1 and s.seconds == float(f"{seconds:.6E}"):
-                self._counter += 1
-                if np.array_equal(s.ranges, self._ranges):
-                    return s
+            if self.line.restarts != restarts:
+                raise Restarted("its port was opened anew")
+            s = self._parse(text) if text else None  # nothing was read yet that could be fetched
+            if s is not None and s.counter != self._counter:
                 break
-            if s.counter != self._counter:
-                break  # it has counted without us: it was reset
-        ranges = self._ranges
-        self._reset()  # somebody pulled its plug: from the beginning
-        self._choose(ranges)
-        return self._take(seconds)
+            # the command was lost, and what was fetched is the reading before
+        if s is None:
+            raise Restarted("it has nothing to fetch")
+        if s.counter != self._counter + 1:
+            raise Restarted(f"its counter reads {s.counter} after {self._counter}")
+        if s.seconds != float(f"{seconds:.6E}"):
+            raise Restarted(f"it exposed for {s.seconds:g} s in place of {seconds:g}")
+        if not np.array_equal(s.ranges, self._ranges):
+            raise Restarted(f"its ranges are {s.ranges.tolist()} in place of {self._ranges.tolist()}")
+        self._counter += 1
+        return s
 
     def _parse(self, text: str) -> Sample:
+        """Raises DeviceFault for what no photodiode of these ranges can say."""
         try:
-            head = text.split(",")
-            numbers = np.array([float(x) for x in head[2:]]).reshape(self.channels, 3)
-            return Sample(
-                int(head[0]),
-                float(head[1]),
-                numbers[:, 0].astype(np.int64),
-                numbers[:, 1] > 0,
-                numbers[:, 2].copy(),
-                text,
-            )
-        except ValueError:
-            raise DeviceFault("photodiode", f"answered {text!r}", "check its firmware") from None
+            counter, seconds, *rest = text.split(",")
+            if len(rest) != 3 * self.channels:
+                raise ValueError(f"{len(rest)} numbers in place of {3 * self.channels}")
+            ranges = np.array([whole(x) for x in rest[0::3]])
+            overload = np.array([whole(x) for x in rest[1::3]])
+            signal = np.array([decimal(x) for x in rest[2::3]])
+            if (ranges >= len(self.full_scale)).any() or (overload > 1).any():
+                raise ValueError("a range or an overload that does not exist")
+            full = self.full_scale[ranges]
+            if ((signal > ABOVE * full) | (signal < -BELOW * full)).any():
+                raise ValueError("a signal that its range cannot hold")
+            return Sample(whole(counter), decimal(seconds), ranges, overload > 0, signal, text)
+        except ValueError as e:
+            raise DeviceFault("photodiode", f"answered {shown(text.encode())}: {e}", FIRMWARE) from None

@@ -71,7 +71,7 @@ def assemble(
     with ExitStack() as opened:
         light: SerialLight | NoLight = NoLight()
         if devices.light is not None:
-            line = TextLine("light", devices.light.port, devices.light.baud)
+            line = TextLine("light", devices.light.port, devices.light.baud, boot_s=devices.light.boot_s)
             light = SerialLight(line, clock, config.light.warm_up_s)
             opened.callback(light.close)
             light.connect()  # and off: a camera learns its darks now
@@ -99,7 +99,8 @@ def open_photodiode(config: RigConfig, devices: DevicesConfig) -> Photodiode:
     """Raises DeviceFault."""
     if devices.photodiode is None:
         raise DeviceFault("photodiode", "none is configured", "name its port under devices.photodiode")
-    line = TextLine("photodiode", devices.photodiode.port, devices.photodiode.baud)
+    port = devices.photodiode
+    line = TextLine("photodiode", port.port, port.baud, boot_s=port.boot_s)
     detector = Photodiode(line, config.photodiode, config.exposure_s)
     try:
         detector.connect()

@@ -67,6 +67,9 @@ class IdealRig:
         f = self.sample.eval(wi, wo) if seconds.any() else np.full((n, self.channels), np.nan)
         return Visited(ids[which], wi, wo, f, np.zeros_like(f), np.zeros(n, bool), (), seconds)
 
+    def look(self) -> None:
+        """It always sees."""
+
     def state(self) -> dict[str, Any]:
         return {"pose": self._pose.tolist(), "clock_s": self.clock.now()}
 

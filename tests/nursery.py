@@ -29,15 +29,11 @@ class Nursery:
         )
         assert self._parent.stdout.readline() == "ready\n"
 
-    def start(self, *args) -> int:
-        self._parent.stdin.write(json.dumps([str(a) for a in args]) + "\n")
+    def start(self, *args, **plan) -> int:
+        """plan: what the child does to itself, as `tests.self_kill.install` takes it."""
+        self._parent.stdin.write(json.dumps({"args": [str(a) for a in args], "plan": plan}) + "\n")
         self._parent.stdin.flush()
         return int(self._parent.stdout.readline())
-
-    def ended(self, pid: int) -> bool:
-        """Whether a child is no longer running: a zombie until it is waited for."""
-        with open(f"/proc/{pid}/stat") as stat:
-            return stat.read().rpartition(")")[2].split()[0] == "Z"
 
     def wait(self) -> tuple[int, str]:
         """Exit code and last line said of the child started last, once it has ended."""
@@ -61,8 +57,8 @@ def serve(modules: list[str]) -> None:
     print("ready", flush=True)
     pid, said = 0, None
     for line in sys.stdin:
-        args = json.loads(line)
-        if args is None:
+        order = json.loads(line)
+        if order is None:
             _, status = os.waitpid(pid, 0)
             said.seek(0)
             last = (said.read().splitlines() or [""])[-1]
@@ -75,8 +71,10 @@ def serve(modules: list[str]) -> None:
             os.dup2(said.fileno(), 1)
             os.dup2(said.fileno(), 2)
             from gonio.cli import main
+            from tests.self_kill import install
 
-            sys.argv = ["gonio", *args]
+            install(order["plan"])
+            sys.argv = ["gonio", *order["args"]]
             code = 1
             try:
                 main()

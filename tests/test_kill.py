@@ -1,16 +1,16 @@
-"""SIGKILL at random moments: after each `resume` the run is the run that was never killed."""
+"""SIGKILL before, while and after measurements are stored: resumed, the run is the run that was never killed."""
 
 import os
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 
 from gonio.run.record.store import Store
 from tests.nursery import Nursery
+from tests.self_kill import WHERE
 
 SETTINGS = ["--set", "name=kill", "--no-post"]
 
@@ -78,28 +78,21 @@ def test_killed_thirty_times_and_nothing_lost(tmp_path, truth, nursery, rig, pro
     assert nursery.wait()[0] == 0
     expected = contents(whole)
     rng = np.random.default_rng(5)
-    killed, seen = 0, 0
-    command = [*args, "--out", torn]
-    while killed < kills:
-        pid = nursery.start(*command)
-        goal = seen + int(rng.integers(1, max(2, (measurements - seen) // (2 * (kills - killed) + 1))))
-        while stored(torn) < goal and not nursery.ended(pid):
-            time.sleep(0.002)
-        time.sleep(float(rng.uniform(0, 0.004)))  # then a random moment more
-        if nursery.ended(pid):
-            break  # done before all kills were spent
-        os.kill(pid, signal.SIGKILL)
-        assert nursery.wait()[0] == -signal.SIGKILL
-        killed += 1
+    goals = np.sort(rng.choice(np.arange(1, measurements), kills, replace=False))
+    seen, command = 0, [*args, "--out", torn]
+    for goal in goals.tolist():
+        nursery.start(*command, measured=goal, where=WHERE[int(rng.integers(len(WHERE)))])
+        code, last = nursery.wait()
+        assert code == -signal.SIGKILL, last
         got = contents(torn)
         n = len(got["m_id"])
         assert n >= seen, "a measurement was lost"
         at = np.searchsorted(expected["m_id"], got["m_id"])
         for k in ("m_asked", "m_seen", "m_f", "m_sigma"):
-            assert np.array_equal(got[k], expected[k][at], equal_nan=True)
+            assert n == 0 or np.array_equal(got[k], expected[k][at], equal_nan=True)
         seen = n
         command = ["resume", torn, "--no-post"]
-    assert killed == kills
+    assert seen > 0
     nursery.start(*command)
     code, last = nursery.wait()
     assert code == 0, last
@@ -121,16 +114,11 @@ def test_killed_before_the_first_measurement(tmp_path, truth):
     assert all(np.array_equal(a[k], b[k], equal_nan=a[k].dtype.kind == "f") for k in a)
 
 
-def test_ctrl_c_once_stores_and_exits_130(tmp_path, truth):
+def test_ctrl_c_once_stores_and_exits_130(tmp_path, truth, nursery):
     folder = tmp_path / "r"
-    command, env = gonio(*acquisition(truth, "ideal", "independence", 10**6), "--out", folder)
-    process = subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    while not (tmp_path / "r" / "run.sqlite").exists():
-        time.sleep(0.01)
-    time.sleep(0.5)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
-    assert "resume" in err and "Traceback" not in err
-    with Store.open(tmp_path / "r", write=False) as store:
-        assert len(store.measured().id) > 0
+    args = acquisition(truth, "ideal", "independence", 10**6)
+    nursery.start(*args, "--out", folder, measured=500, where="after", signal=int(signal.SIGINT))
+    code, last = nursery.wait()
+    assert code == 130 and "resume" in last and "Traceback" not in last
+    with Store.open(folder, write=False) as store:
+        assert len(store.measured().id) >= 500

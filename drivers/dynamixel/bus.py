@@ -15,7 +15,7 @@ from dynamixel_sdk import COMM_RX_CORRUPT, COMM_SUCCESS
 from drivers.dynamixel.handler import PacketHandler
 from drivers.dynamixel.port import BAUDS, Port
 from drivers.dynamixel.tables import STATUS_ERRORS, Register
-from drivers.gone import PortGone, wait_for
+from drivers.gone import PortGone
 from gonio.rig.errors import DeviceFault
 
 TRIES = 6  # a ping that puts the line in step again takes one of them
@@ -63,11 +63,11 @@ class Bus:
             self.port.openPort()
             self._dirty = QUIET_S
 
-    def reopen(self, seconds: float) -> bool:
-        """After the port has gone: wait for it; whether it came back."""
+    def reopen(self) -> None:
+        """After the port has gone. Raises PortGone where it has not come back."""
         with self.lock:
             self.port.close()
-        return wait_for(seconds, self.open)
+            self.open()
 
     def close(self) -> None:
         with self.lock:

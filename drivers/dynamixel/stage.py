@@ -8,7 +8,8 @@ read back. A host that dies is noticed by the servos' own watchdogs.
 
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,12 +18,14 @@ from drivers.dynamixel.bus import Bus, NoAnswer, Refused
 from drivers.dynamixel.configure import Joint, hardware_fault
 from drivers.dynamixel.poll import State
 from drivers.dynamixel.servos import Servos
-from drivers.gone import PortGone
+from drivers.gone import PortGone, outlast
 from gonio.geometry import Array
 from gonio.rig.clock import Clock
 from gonio.rig.devices import Axis
 from gonio.rig.errors import DeviceFault, SafetyStop
 from gonio.rig.motion.profile import move_time
+
+T = TypeVar("T")
 
 COUNT = 2 * np.pi / t.COUNTS
 ARRIVED = 1  # counts off the goal that still are the goal
@@ -73,7 +76,7 @@ class DynamixelStage:
         """Open the port, recognise and configure every servo. Raises DeviceFault. Moves nothing."""
         try:
             self.bus.open()
-            self.servos.configure()
+            self._outlast(self.servos.configure, self.bus.reopen)
         except PortGone as e:
             self.bus.close()
             raise self._gone(e) from None
@@ -83,7 +86,7 @@ class DynamixelStage:
 
     def home(self) -> None:
         """The encoders are absolute: confirmed where every servo is well and shows a position inside its limits."""
-        for joint, state in zip(self.joints, self.states()):
+        for joint, state in zip(self.joints, self._outlast(self.states)):
             if fault := hardware_fault(joint.name, state.hardware):
                 raise fault
             if not joint.lower - ARRIVED <= state.position <= joint.upper + ARRIVED:
@@ -96,7 +99,7 @@ class DynamixelStage:
 
     def reboot(self, name: str) -> None:
         """At the operator's command only. Raises DeviceFault."""
-        self.servos.reboot(name)
+        self._outlast(lambda: self.servos.reboot(name))
 
     def close(self) -> None:
         """Servos at rest, then the port let go. Never raises."""
@@ -117,13 +120,7 @@ class DynamixelStage:
             return self.pose()
         self._moving = True
         try:
-            try:
-                at = self._move(goals, deadline)
-            except PortGone as e:
-                if not self.bus.reopen(self.grace_s):
-                    raise self._gone(e) from None
-                self.servos.configure()
-                at = self._move(goals, deadline)
+            at = self._outlast(lambda: self._move(goals, deadline))
             self._moving = False
             return at
         except DeviceFault:
@@ -228,13 +225,7 @@ class DynamixelStage:
         return rest[1] if rest and time.monotonic() - rest[0] < self.watchdog_s / 4 else None
 
     def pose(self) -> Array:
-        try:
-            return self._pose(self._lately() or self.states())
-        except PortGone as e:
-            if not self.bus.reopen(self.grace_s):
-                raise self._gone(e) from None
-            self.servos.configure()
-            return self._pose(self.states())
+        return self._pose(self._lately() or self._outlast(self.states))
 
     def park(self) -> None:
         pose = self.pose()
@@ -251,6 +242,18 @@ class DynamixelStage:
                 raise SafetyStop(f"{joint.name}: {np.degrees(a):.3f} degrees lies outside its limits; not driven there")
             counts[joint.id] = n
         return counts
+
+    def _outlast(self, act: Callable[[], T], bring_back: Callable[[], None] | None = None) -> T:
+        """`act`, through absences of the port that last no longer than the grace time. Raises DeviceFault."""
+        try:
+            return outlast(act, bring_back or self._bring_back, self.grace_s)
+        except PortGone as e:
+            raise self._gone(e) from None
+
+    def _bring_back(self) -> None:
+        """The port open again and every servo configured: its supply may have gone with it."""
+        self.bus.reopen()
+        self.servos.configure()
 
     def _gone(self, e: PortGone) -> DeviceFault:
         name = self.bus.port.port_name

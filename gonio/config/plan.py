@@ -22,4 +22,10 @@ class PlanConfig(Section):
     overlap: bool = Field(False, description="start the next motion before the last reading is stored")
     predict_range: bool = Field(True, description="choose the detector's range by what is expected, not by trial")
     dark_every: int = Field(500, ge=1, description="measurements that share one dark reading")
+    look_every: int | None = Field(
+        None,
+        ge=0,
+        description="measurements between two looks whether lamp, dark and detector are as they were; 0: never; "
+        "null: 160 on rigs of real drivers, never on others",
+    )
     reference_every: int = Field(0, ge=0, description="measurements between two looks at the reference point; 0: never")

@@ -128,6 +128,12 @@ class PortConfig(Section):
     baud: int = Field(115200, ge=1200, le=10_000_000)
 
 
+class InstrumentPortConfig(PortConfig):
+    """An instrument that speaks text. One that answers at once is not waited for."""
+
+    boot_s: float = Field(3.0, ge=0, le=120, description="how long it may be deaf after its port is opened")
+
+
 class ServoBusConfig(PortConfig):
     """Dynamixel servos on one bus: axis name -> servo id. Torque after a fault: held or released."""
 
@@ -149,8 +155,8 @@ class DevicesConfig(Section):
     """Where the devices of a real rig are. A rig of depth `wire` finds its emulators by itself."""
 
     stage: ServoBusConfig | None = None
-    photodiode: PortConfig | None = None
-    light: PortConfig | None = None
+    photodiode: InstrumentPortConfig | None = None
+    light: InstrumentPortConfig | None = None
     camera: CameraDeviceConfig | None = None
 
 

@@ -19,6 +19,7 @@ class RigView:
         self._rig, self._board, self._stopped = rig, board, stopped
         self.simulated, self.channels, self.calibration_ids = rig.simulated, rig.channels, rig.calibration_ids
         self.reachable, self.state, self.restore, self.stop = rig.reachable, rig.state, rig.restore, rig.stop
+        self.look = rig.look
 
     @property
     def surrogate(self):

@@ -18,7 +18,8 @@ _said = False
 def load_mitsuba():
     """mitsuba with an RGB variant that works here: llvm where LLVM >= 19 is found, else scalar (slower, the same).
 
-    A variant of RGB that was chosen before is kept; another, spectral say, cannot read a table in RGB. LLVM 15 and 16 abort the process at the first render, so the version is asked for first.
+    A variant of RGB that was chosen before is kept; another, spectral say, cannot read a table in RGB. LLVM 15 and 16
+    abort the process at the first render, so the version is asked for first.
     """
     global _said
     drjit, mitsuba = needs("drjit", "render"), needs("mitsuba", "render")

@@ -145,6 +145,10 @@ class Rig(Protocol):
         """
         ...
 
+    def look(self) -> None:
+        """Whether it still sees what it should: confirms what was measured lately. Raises LostSight."""
+        ...
+
     def state(self) -> dict[str, Any]:
         """What a resumed run needs to go on exactly (simulated rigs: pose, noise generator, clock); JSON."""
         ...

@@ -24,14 +24,17 @@ from gonio.rig.clock import Clock, VirtualClock
 from gonio.rig.devices import Detector, Light, Stage, Visited
 from gonio.rig.errors import RigError, SafetyStop
 from gonio.rig.motion.approach import Approach
+from gonio.rig.motion.driver import Driver
 from gonio.rig.motion.envelope import Envelope
 from gonio.rig.motion.pending import Pending
 from gonio.rig.motion.plan import Planner
-from gonio.rig.motion.profile import move_time
 from gonio.rig.signal.levels import Levels
 from gonio.rig.signal.radiometry import Dark, Radiometry
+from gonio.rig.signal.watch import Watch
+from gonio.rig.uninterrupted import uninterrupted
 
-ROUTES = 5  # tried to one pose, where servos stop short of the waypoints of those before
+LOOK_EVERY = 160  # measurements, where `plan.look_every` says nothing
+LOOKS = -(1 << 42)  # ids of what a look reads, downwards from here
 BRAKING_S = 0.05  # after which arms that were told to stop in full motion are at rest
 
 
@@ -70,9 +73,14 @@ class StagedRig:
         backlash = np.radians([config.axes[name].backlash_deg for name in config.axis_names])
         self.approach = Approach(envelope, backlash, plan.one_sided, self.planner.free)
         self.levels = Levels(detector, light, radiometry, config.exposure_s, plan, announce)
+        every = plan.look_every if plan.look_every is not None else LOOK_EVERY * (config.depth in ("real", "wire"))
+        self.watch = Watch(detector, light, radiometry, config.exposure_s, every, lambda k: announce(LOOKS - k))
         self._pending = Pending.none(len(envelope.axes))
         self._rest = envelope.snap(park_pose(config))
+        self._measured_at: Array | None = None  # where the arms were at the last measurement, if that is known
         self._stop = threading.Event()
+        driver = Driver(config.name, stage, envelope, self.approach, self.planner, self._stop)
+        self._go, self._seconds = driver.go, driver.seconds
         # a virtual clock has one thread only, and nothing to gain from a second
         overlap = plan.overlap and not isinstance(clock, VirtualClock)
         self._ahead = ThreadPoolExecutor(1, "stage") if overlap else None
@@ -100,6 +108,8 @@ class StagedRig:
                 yield from self._drive(wi[which], wo[which], ids[which], poses)
                 if self._stop.is_set():
                     return
+            if self.watch.due_at_the_end:
+                self.look()
         except (RigError, OSError):
             if self._ahead:
                 with suppress(RigError):
@@ -114,7 +124,8 @@ class StagedRig:
         """First what a run that was interrupted had planned, if that is what is asked for; then the rest."""
         numbers, poses = self._pending.left()
         place = {int(n): k for k, n in enumerate(ids)}
-        start = self.stage.pose()
+        # as if no look had led elsewhere: when looks are made must not decide how a pair is shown
+        start = self.stage.pose() if self._measured_at is None else self._measured_at
         left = np.arange(len(ids))
         if numbers and all(n in place for n in numbers):
             which = np.array([place[n] for n in numbers])
@@ -152,9 +163,31 @@ class StagedRig:
                 self.levels.count()
             begun = self.clock.now()
             self._pending.done += 1
-            if self._ahead and k + 1 < len(ids) and not self.levels.reference_is_due:
+            elsewhere = self.levels.reference_is_due or self.watch.due  # before the next measurement
+            if self._ahead and k + 1 < len(ids) and not elsewhere:
                 moving = self._ahead.submit(self._go, poses[k + 1], poses[k] if straight[k + 1] else None)
             yield seen
+            if self.watch.due:
+                self.look()
+                begun = self.clock.now()
+
+    def look(self) -> None:
+        """Whether the rig still sees what it should, by repeating a bright measurement. Raises LostSight.
+
+        To be called at the end of a run as well: what was measured since the last look is not confirmed until then.
+        """
+        if not self.watch.every or not self.watch.since:
+            return
+        try:
+            self.watch.refuse_frozen()
+            at = self.stage.pose()
+            seen = self.watch.nearest(lambda poses: self._seconds(poses - at))
+            if seen is not None and not self._stop.is_set() and self._go(seen.pose) is not None:
+                self.clock.sleep(self.config.settle_s)
+                self.watch.look(seen, self.levels.dark(self.watch.since[-1]))
+        except RigError:
+            self.light.off()
+            raise
 
     def _predict(self, wi: Array, wo: Array) -> Array | None:
         """f (M, C) that the surrogate expects; None where it is not asked, or does not know."""
@@ -166,6 +199,8 @@ class StagedRig:
         f, sigma = self.radiometry.reduce(reading, dark, wi, wo, self.levels.drift, self.levels.drift_sigma)
         if not self.config.use_achieved and np.any(np.abs(at - pose) > 1.5 * self.envelope.resolution + 1e-9):
             f = np.full_like(f, np.nan)  # a servo stopped short; the counts stay in the record
+        self.watch.note(number, at, reading, dark)
+        self._measured_at = at
         raw = {**reading.raw, "dark": dark.value.tolist(), "drift": self.levels.drift, "pose_rad": at.tolist()}
         seconds = np.array([self.clock.now() - begun])
         saturated = np.array([reading.saturated])
@@ -175,42 +210,6 @@ class StagedRig:
         n = len(ids)
         nan = np.full((n, self.channels), np.nan)
         return Visited(ids, wi, wo, nan, nan, np.zeros(n, bool), ({},) * n, np.zeros(n))
-
-    def _go(self, pose: Array, straight_from: Array | None = None) -> Array | None:
-        """Drive to a pose by a way that is clear; the pose achieved, None where there is no way.
-
-        straight_from: a pose from where the straight way is known to be clear. Ends early when stopped. Raises
-        SafetyStop, DeviceFault.
-        """
-        if not self.stage.homed:
-            raise SafetyStop(f"rig {self.config.name}: not homed; run `gonio home` before anything moves")
-        at = self.stage.pose()
-        known = straight_from is not None and np.array_equal(at, straight_from)
-        for _ in range(ROUTES):
-            legs = self.approach.legs(at, pose, self._seconds, straight=known)
-            if legs is None:
-                return None
-            known = False
-            for k, leg in enumerate(legs):
-                if self._stop.is_set():
-                    return at
-                if not self.envelope.inside(leg):
-                    raise SafetyStop(
-                        f"rig {self.config.name}: a pose outside the limits was asked for; not driven there"
-                    )
-                if k and not self._still_clear(at, legs[k - 1], leg):
-                    break
-                at = self.stage.move(leg, 2.0 + 1.5 * float(self._seconds(leg - at)))
-            else:
-                return at
-        return None
-
-    def _still_clear(self, at: Array, planned: Array, leg: Array) -> bool:
-        """Whether a leg planned from one pose is clear from where the servos came to rest instead."""
-        return np.array_equal(at, planned) or bool(self.envelope.path_clear(at[None], leg[None])[0])
-
-    def _seconds(self, delta: Array) -> Array:
-        return move_time(delta, self.planner.velocity, self.planner.acceleration)
 
     def _begin(self) -> None:
         """A new task: stops asked for before it are over."""
@@ -230,6 +229,7 @@ class StagedRig:
         return state
 
     def restore(self, state: dict[str, Any]) -> None:
+        self._measured_at = None
         self._pending = Pending.of_text(state["tour"], state["done"], len(self.envelope.axes))
         if isinstance(self.clock, VirtualClock):
             self.clock.sleep(state["clock_s"] - self.clock.now())
@@ -248,6 +248,7 @@ class StagedRig:
         Raises SafetyStop where the rig cannot reach it.
         """
         self._begin()
+        self._measured_at = None
         tour = next(self.planner.tours(wi, wo, self.stage.pose()), None)
         at = None if tour is None else self._go(tour.poses[0])
         if at is None:
@@ -258,6 +259,7 @@ class StagedRig:
     def jog(self, axis: str, angle: float) -> Array:
         """Turn one axis by `angle` rad, by a clear way; the pose achieved (A,). Raises SafetyStop, KeyError."""
         self._begin()
+        self._measured_at = None
         step = np.zeros(len(self.config.axis_names))
         step[dict(zip(self.config.axis_names, range(len(step))))[axis]] = angle
         goal = self.envelope.snap(self.stage.pose() + step)
@@ -276,6 +278,7 @@ class StagedRig:
         """Light off, arms to the pose of rest by a clear way."""
         self.light.off()
         self._begin()
+        self._measured_at = None
         self._go(self._rest)
 
     def stop(self) -> None:
@@ -285,7 +288,7 @@ class StagedRig:
     def close(self) -> None:
         halted = self._stop.is_set()
         self._stop.set()
-        with ExitStack() as last_first:  # each of them, whatever becomes of the others
+        with uninterrupted(), ExitStack() as last_first:  # each of them, whatever becomes of the others
             last_first.callback(self._release)
             if halted or self._ahead:
                 last_first.callback(self.clock.sleep, BRAKING_S)

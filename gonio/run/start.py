@@ -16,6 +16,7 @@ from gonio.config import ConfigError, Material
 from gonio.config.rig import RigConfig
 from gonio.mcmc import make_sampler
 from gonio.rig.errors import RigError
+from gonio.rig.signal.watch import LostSight
 from gonio.run.open_rig import open_rig
 from gonio.run.prepare import find_truth, prepare
 from gonio.run.provenance import provenance
@@ -62,6 +63,7 @@ class Run:
             reason = acquire(
                 sampler, rig, store, material, watch=watch, interrupted=interrupted, good_enough=good_enough
             )
+            rig.look()  # what was measured since the last look is confirmed now, or made again
             note_flow(sampler.plan, store)
             store.put("ended", reason)
             store.event("ended", reason)
@@ -71,6 +73,8 @@ class Run:
             store.event("interrupted", "by the operator")
             raise
         except RigError as e:
+            if isinstance(e, LostSight):
+                store.suspect(e.suspect, str(e))
             store.event("fault", str(e))
             raise
         except BaseException as e:  # told to stop at once, a full disk, a bug: the motors first

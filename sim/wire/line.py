@@ -8,6 +8,7 @@ import select
 import threading
 import time
 import tty
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -22,6 +23,10 @@ class Device(Protocol):
 
     def receive(self, data: bytes) -> list[bytes]:
         """Bytes from the host; packets to answer with."""
+        ...
+
+    def restarted(self) -> None:
+        """Its port was opened anew, or its USB plug was out: an Arduino begins from the beginning."""
         ...
 
 
@@ -72,6 +77,8 @@ class Line:
     def __init__(self, path: Path, device: Device):
         self.path, self.device = path, device
         self.wire = Wire()
+        self.packets = 0  # times that bytes came from the host
+        self.plans: dict[int, Callable[[], None]] = {}  # what happens when so many have come, before they are obeyed
         self.busy_until = 0.0  # what comes after a late packet waits behind it: a line keeps its order
         self.fds: tuple[int, int] | None = None
         self.plug()
@@ -128,6 +135,9 @@ class Server(threading.Thread):
             data = os.read(line.fds[0], 4096)
         except OSError:
             return
+        line.packets += 1
+        if (plan := line.plans.pop(line.packets, None)) is not None:
+            plan()
         data, _ = line.wire.carry(data)
         at_once = b""
         for reply in line.device.receive(data) if data else ():
@@ -146,6 +156,11 @@ class Server(threading.Thread):
             *_, line, packet = heapq.heappop(self._late)
             self._write(line, packet)
 
+    def say(self, line: Line, text: bytes) -> None:
+        """What a device says without being asked."""
+        with self.lock:
+            self._write(line, text)
+
     def _write(self, line: Line, packet: bytes) -> None:
         if line.fds and packet:
             with contextlib.suppress(OSError):
@@ -161,6 +176,20 @@ class Server(threading.Thread):
             time.sleep(5e-4)
         for fd in fds:
             os.close(fd)
+
+    def flap(self, line: Line) -> None:
+        """Out and in again at once, by another pseudo-terminal. For a plan: in the server's own thread."""
+        fds = line.detach()
+        line.plug()
+        for fd in fds:
+            os.close(fd)
+        line.device.restarted()
+
+    def send_late(self) -> None:
+        """What is late comes now."""
+        with self.lock:
+            self._late = [(0.0, order, line, packet) for _, order, line, packet in self._late]
+            self._send_late()
 
     def plug(self, line: Line) -> None:
         with self.lock:

@@ -40,6 +40,7 @@ class WirePhotodiode(TextDevice):
         )
         self.config, self.scene, self.channels, self.exposure = config, scene, channels, exposure
         self.seed, self.clock = seed, clock
+        self.capped, self.frozen, self.ambient = False, False, 0.0  # a cap on it; stuck at its last value; room light
         self.full_scale = config.full_scale * config.range_factor ** np.arange(config.ranges)
         self.lsb = self.full_scale / 2**config.bits
         self._reset("")
@@ -49,6 +50,9 @@ class WirePhotodiode(TextDevice):
         """The measurement that the next readings are for."""
         self._number = number
         self._rng: np.random.Generator | None = None
+
+    def power_on(self) -> None:
+        self._reset("")
 
     def _reset(self, _: str) -> str:
         self.counter, self.last = 0, ""
@@ -69,7 +73,7 @@ class WirePhotodiode(TextDevice):
         seconds = float(text)
         self.busy_s = self.clock.hurry(seconds)
         scale = seconds / self.exposure
-        light = self.scene() * scale
+        light = (np.zeros(self.channels) if self.capped else self.scene()) * scale + self.ambient * scale
         if self._unsettled:  # the amplifier is still on its way
             z, light = np.zeros((2, len(light))), 0.7 * light
             self._unsettled = False
@@ -81,6 +85,10 @@ class WirePhotodiode(TextDevice):
         shown = signal * (1 + c.nonlinearity * signal / full) + c.read_noise * z[1]
         counts = np.clip(np.rint(shown / lsb), 0, 2**c.bits - 1)
         self.counter += 1
+        if self.frozen and self.last:
+            _, _, values = self.last.split(",", 2)
+            self.last = f"{self.counter},{seconds:.6E},{values}"
+            return self.last
         each = zip(self.ranges.tolist(), (counts >= 2**c.bits - 1).tolist(), (counts * lsb).tolist())
         self.last = f"{self.counter},{seconds:.6E}," + ",".join(f"{r},{int(o)},{v:.9E}" for r, o, v in each)
         return self.last

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gonio.config.rig import DevicesConfig, PortConfig, RigConfig, ServoBusConfig
+from gonio.config.rig import DevicesConfig, InstrumentPortConfig, RigConfig, ServoBusConfig
 from gonio.geometry import Array
 from gonio.rig.build import envelope_of, geometry_calibration, park_pose
 from gonio.rig.clock import ScaledClock
@@ -46,7 +46,7 @@ class Emulators:
         shown = lru_cache(2)(shown)  # several readings are made of one pose: ranges tried, darks
 
         def scene() -> Array:
-            power = lamp.power()
+            power = self.light.power()
             if power == 0:
                 return np.zeros(sample.channels)
             return power * shown(*[self.servos[k].true_angle_deg() for k in order])
@@ -60,8 +60,8 @@ class Emulators:
         port = {name: str(line.path) for name, line in self.lines.items()}
         self.devices = DevicesConfig(
             stage=(given or ServoBusConfig(port="-", ids=ids)).model_copy(update={"port": port["stage"]}),
-            photodiode=PortConfig(port=port["photodiode"]),
-            light=PortConfig(port=port["light"]),
+            photodiode=InstrumentPortConfig(port=port["photodiode"]),
+            light=InstrumentPortConfig(port=port["light"]),
         )
 
     def announce(self, number: int) -> None:

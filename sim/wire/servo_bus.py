@@ -33,6 +33,9 @@ class ServoBus:
             out += self._obey(number, instruction, params)
         return out
 
+    def restarted(self) -> None:
+        """Servos are fed by their own supply: a USB plug is nothing to them."""
+
     def _there(self, number: int) -> list[Servo]:
         chosen = self.servos.values() if number == BROADCAST else [self.servos[number]] if number in self.servos else []
         return [s for s in chosen if s.id not in self.deaf]

@@ -1,7 +1,6 @@
 """The thin layer under the seam, on a VideoCapture made of Python: what it sets, what it believes, when it gives up."""
 
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -26,6 +25,7 @@ class Capture:
         self.fixed = {}
         self.going, self.released, self.count = threading.Event(), False, 0
         self.going.set()
+        self.came, self.blocked = threading.Event(), threading.Event()
 
     def isOpened(self):
         return self.opened
@@ -38,10 +38,12 @@ class Capture:
         return self.fixed.get(key, self.kept.get(key, -1.0))
 
     def read(self):
-        time.sleep(2e-3)
+        if not self.going.is_set():
+            self.blocked.set()
         if not self.going.wait(0.2):
             return False, None
         self.count += 1
+        self.came.set()
         level = 10 + self.kept[cv2.CAP_PROP_EXPOSURE]
         if self.kept.get(cv2.CAP_PROP_CONVERT_RGB) == 0:
             return True, np.full((48, 64), level, np.uint16)
@@ -91,7 +93,8 @@ def test_each_frame_is_a_new_one(opened):
     source = opened()
     source.frame(5.0)
     before = source.capture.count
-    time.sleep(0.02)  # some come meanwhile; none of them is kept for later
+    source.capture.came.clear()
+    assert source.capture.came.wait(60)  # some come meanwhile; none of them is kept for later
     source.frame(5.0)
     assert source.capture.count > before + 1
 
@@ -100,6 +103,7 @@ def test_a_camera_that_stops_is_not_waited_for_longer_than_the_deadline(opened):
     source = opened()
     source.frame(5.0)
     source.capture.going.clear()
+    assert source.capture.blocked.wait(60)
     assert source.frame(0.05) is None
     camera = Camera(source, CONFIG.model_copy(update={"deadline_s": 0.05, "frame_s": 0.001}))
     with pytest.raises(DeviceFault, match="camera: delivers no frames"):

@@ -1,8 +1,6 @@
 """SIGKILL on the wire: the devices are configured again, and the run is the one that was never killed."""
 
-import os
 import signal
-import time
 
 import numpy as np
 import pytest
@@ -13,6 +11,7 @@ from gonio.brdf.models.mixture import Mixture
 from gonio.load import save_brdf
 from gonio.run.record.store import Store
 from tests.nursery import PRELOAD_WIRE, Nursery
+from tests.self_kill import WHERE
 from tests.test_kill import acquisition, contents, stored
 
 KILLS, MEASUREMENTS = 50, 600
@@ -37,28 +36,21 @@ def arguments(truth):
 
 
 def kill_again_and_again(nursery, args, torn, kills, rng) -> list[int]:
-    """Measurements stored after each kill. Two of three strike among the measurements, one at any moment at all:
-    while the run is opened, the devices are configured, or what was measured is told to the chain again."""
-    counts, command = [0], [*args, "--out", torn]
-    while len(counts) <= kills:
-        pid = nursery.start(*command)
-        # no kill may come so late that none is left for the others, however fast the machine
-        share = max(1, (MEASUREMENTS - counts[-1]) // (kills + 2 - len(counts)))
-        if len(counts) > 1 and len(counts) % 3 == 0:
-            moment = time.monotonic() + float(rng.uniform(0, 0.6))
-            while time.monotonic() < moment and stored(torn) < counts[-1] + share:
-                time.sleep(0.002)
+    """Measurements stored after each kill. Two of three strike at a measurement, one at a write to a port: while the
+    devices are configured, on a move, or in the middle of a reading."""
+    goals = np.sort(rng.choice(np.arange(1, MEASUREMENTS - 100), kills, replace=False))
+    counts, command = [], [*args, "--out", torn]
+    for k, goal in enumerate(goals.tolist()):
+        if k % 3 == 1:
+            plan = {"writes": [int(rng.integers(1, 300))]}
         else:
-            goal = counts[-1] + int(rng.integers(1, share + 1))
-            while stored(torn) < goal and not nursery.ended(pid):
-                time.sleep(0.002)
-            time.sleep(float(rng.uniform(0, 0.004)))
-        assert not nursery.ended(pid), nursery.wait()
-        os.kill(pid, signal.SIGKILL)
-        assert nursery.wait()[0] == -signal.SIGKILL
+            plan = {"measured": goal, "where": WHERE[int(rng.integers(len(WHERE)))]}
+        nursery.start(*command, **plan)
+        code, last = nursery.wait()
+        assert code == -signal.SIGKILL, last
         counts.append(stored(torn))
         command = ["resume", torn, "--no-post"]
-    return counts[1:]
+    return counts
 
 
 def test_killed_fifty_times_on_the_wire(tmp_path, truth, nursery):

@@ -33,6 +33,15 @@ CREATE TABLE events (wall_s REAL, kind TEXT, text TEXT);
 """
 
 
+# measurements that the rig itself no longer stands by, with why; of a run that began before there were any, made later
+SUSPECTS = """
+CREATE TABLE IF NOT EXISTS suspects (
+  id INTEGER, asked BLOB, seen BLOB, f BLOB, sigma BLOB, saturated INTEGER, raw TEXT, rig_s REAL, wall_s REAL,
+  reason TEXT NOT NULL
+);
+"""
+
+
 @dataclass(frozen=True)
 class Measured:
     """All measurements of a run in order of id, M of them; see the schema for units."""

@@ -14,7 +14,7 @@ import json
 import os
 import sqlite3
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from gonio.atomic import write_text
 from gonio.geometry import Array
 from gonio.run.record.folder import StoreError, connect, explained, refuse_folder, remove, take_lock
-from gonio.run.record.schema import FORMAT, RIG, SCHEMA, STEP_COLUMNS, Measured, numbers
+from gonio.run.record.schema import FORMAT, RIG, SCHEMA, STEP_COLUMNS, SUSPECTS, Measured, numbers
 
 
 class Store:
@@ -66,7 +66,7 @@ class Store:
                 lock = take_lock(folder)
                 write_text(folder / "config.yaml", config_yaml)
                 db = connect(folder / "run.sqlite", power_safe)
-                db.executescript(SCHEMA)
+                db.executescript(SCHEMA + SUSPECTS)
                 meta = {"format": FORMAT, "provenance": provenance, "ended": ""}
                 db.executemany("INSERT INTO meta VALUES (?, ?)", [(k, json.dumps(v)) for k, v in meta.items()])
                 db.commit()
@@ -90,6 +90,8 @@ class Store:
             lock = take_lock(folder) if write else None
             try:
                 db = connect(path, power_safe)
+                if write:
+                    db.executescript(SUSPECTS)
                 found = json.loads(db.execute("SELECT value FROM meta WHERE key = 'format'").fetchone()[0])
             except BaseException:
                 if lock is not None:
@@ -128,6 +130,24 @@ class Store:
             proposed = [d.tobytes() if free else None for d, free in zip(both, steps.id < 0)]
             with self._writing():
                 self._db.executemany("INSERT OR REPLACE INTO steps VALUES (?,?,?,?,?,?,?,?,?)", zip(*columns, proposed))
+
+    def suspect(self, ids: Sequence[int], reason: str) -> None:
+        """Measurements that may be wrong: kept apart, to be made again; the chain's steps from the first on go."""
+        marks = ",".join("?" * len(ids))
+        with self._writing():
+            self._db.execute(
+                f"INSERT INTO suspects SELECT *, ? FROM measurements WHERE id IN ({marks})", (reason, *ids)
+            )
+            self._db.execute(f"DELETE FROM measurements WHERE id IN ({marks})", tuple(ids))
+            first = f"SELECT min(step) FROM steps WHERE step >= 0 AND id IN ({marks})"
+            self._db.execute(f"DELETE FROM steps WHERE step >= ({first})", tuple(ids))
+        self.commit()
+
+    def suspects(self) -> dict[int, str]:
+        """Why, by id, of measurements kept apart; one that was made again since is among them still."""
+        with explained(self.folder), contextlib.suppress(sqlite3.OperationalError):  # made before there were any
+            return dict(self._db.execute("SELECT id, reason FROM suspects").fetchall())
+        return {}
 
     def event(self, kind: str, text: str) -> None:
         """A line for the record: started, resumed, fault, stopped …; also in log.txt."""
