@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.camera import Corners
+from calibration.board import Corners
 from gonio.config.rig import RigConfig
 from gonio.geometry import Array
 from gonio.rig.build import geometry_calibration, view_of

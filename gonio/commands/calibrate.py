@@ -22,8 +22,13 @@ def camera(
     views: Annotated[list[Path] | None, typer.Argument(help="pictures of the board, 15 or more")] = None,
     rig: RigOption = "sim",
     out: Out = FOLDER,
-    across: Annotated[int, typer.Option(help="squares of the board across, odd")] = 7,
-    down: Annotated[int, typer.Option(help="squares down, odd")] = 5,
+    across: Annotated[int, typer.Option(help="squares of the board across")] = 7,
+    down: Annotated[int, typer.Option(help="squares down")] = 5,
+    dictionary: Annotated[str, typer.Option(help="ArUco dictionary of the board, by OpenCV's name")] = "DICT_4X4_50",
+    legacy: Annotated[
+        bool | None,
+        typer.Option("--legacy/--new", help="pattern of OpenCV before 4.6 [default: as pictures say]"),
+    ] = None,
     square_mm: Annotated[float, typer.Option(min=1, help="side of a square, as printed")] = 30.0,
     marker_mm: Annotated[float, typer.Option(min=1, help="side of a marker, as printed")] = 22.0,
     board: Annotated[Path | None, typer.Option(help="write the board to print as this PNG, and end")] = None,
@@ -37,13 +42,14 @@ def camera(
     flat: Annotated[bool, typer.Option("--flat", help="measure the flat frame; a diffuser is before the lens")] = False,
 ) -> None:
     """The camera: optics from pictures of a ChArUco board, with --poses its mount; or --take, --dark, --flat."""
-    from calibration.camera import Board, board_image, calibrate_camera, find_corners, read_views
+    from calibration.board import Board, board_image, find_corners, recognised
+    from calibration.camera import calibrate_camera, read_views
     from calibration.mount import calibrate_mount, read_poses
     from gonio.config import ConfigError
     from gonio.rig.errors import CalibrationMissing
 
     try:
-        made = Board(across, down, square_mm / 1000, marker_mm / 1000)
+        made = Board(across, down, square_mm / 1000, marker_mm / 1000, dictionary, bool(legacy))
     except ValueError as e:
         raise ConfigError(str(e)) from None
     if board is not None:
@@ -69,7 +75,13 @@ def camera(
         raise ConfigError("name pictures of the board (--board FILE.png makes one to print), or --take, --dark, --flat")
     config = rig_config(rig)
     pictures = read_views(views)
-    corners = find_corners(pictures, made)
+    seen_board = recognised(pictures, made)
+    if (seen_board.across, seen_board.down) != (across, down) or (legacy is not None and seen_board != made):
+        how = f"--across {seen_board.across} --down {seen_board.down} {'--legacy' if seen_board.legacy else '--new'}"
+        raise CalibrationMissing(f"camera: the pictures show a board of {seen_board}, not of {made}; call it {how}")
+    if seen_board != made:
+        typer.echo(f"board  {seen_board}, as the pictures show")
+    corners = find_corners(pictures, seen_board)
     height, width = pictures[0].shape
     found = calibrate_camera(corners, (width, height), config.name, config.depth != "real")
     text = f"{found.views} views, reprojection {found.rms_px:.2f} pixels"

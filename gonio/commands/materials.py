@@ -1,5 +1,6 @@
 """materials: where they come from."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -14,11 +15,26 @@ def main(context: typer.Context) -> None:
 
         here = available()
         for found in here:
-            typer.echo(f"{found.name:24} {found.origin}")
+            typer.echo(f"{found.name:24} {found.origin}{_invalid(found.path)}")
         names = {found.name for found in here if found.origin.startswith("measured")}
         more = [name for name in fetchable() if name not in names]
         if more:
             typer.echo(f"\n`gonio materials fetch NAME` gets: {', '.join(more)}")
+
+
+def _invalid(path: Path) -> str:
+    """What a MERL table does not hold, in words; nothing of other files."""
+    if path.suffix != ".binary":
+        return ""
+    from gonio.brdf import BrdfFileError
+    from gonio.brdf.tables.merl import read_merl
+
+    try:
+        with open(path, "rb") as stream:
+            invalid = int((read_merl(stream, str(path)) < 0).sum())
+    except (OSError, BrdfFileError) as e:
+        return f": {e}"
+    return f": {invalid} entries not measured, filled from their neighbours" if invalid else ""
 
 
 @app.command()

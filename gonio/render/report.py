@@ -47,7 +47,7 @@ def write_report(
         )
     )
     if truth is not None:
-        parts.append(_table("Beside the truth", _scores(brdf, truth)))
+        parts.append(_table("Beside the truth", _scores(brdf, truth) | _holes(truth)))
     parts.append(
         _section(
             "Slices in the plane of incidence",
@@ -107,6 +107,14 @@ def _scores(brdf: Brdf, truth: Brdf) -> dict[str, str]:
     from gonio.evaluate import evaluate
 
     return {k: f"{v:.4f}" for k, v in evaluate(brdf, truth).items()}
+
+
+def _holes(truth: Brdf) -> dict[str, str]:
+    """What a measured table that serves as truth does not hold itself."""
+    invalid = getattr(truth, "invalid_entries", None)
+    if invalid is None or not invalid.any():
+        return {}
+    return {"entries of the truth not measured": f"{invalid.tolist()} by channel, filled from their neighbours"}
 
 
 def _chains(store: Store, steps) -> str:

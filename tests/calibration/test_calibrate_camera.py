@@ -1,9 +1,14 @@
 """A synthetic camera is found again from its views of a board."""
 
+import subprocess
+import sys
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from calibration.camera import Board, board_image, calibrate_camera, find_corners, read_views
+from calibration.board import Board, Corners, board_image, find_corners, flat_corners, recognised
+from calibration.camera import calibrate_camera, read_views
 from gonio.rig.calibration import CameraCalibration, load_calibration, save_calibration
 from gonio.rig.errors import CalibrationMissing
 
@@ -46,5 +51,69 @@ def test_too_few_views(tmp_path):
     (tmp_path / "x.png").write_bytes(b"no image")
     with pytest.raises(CalibrationMissing, match=r"x\.png: not an image"):
         read_views([tmp_path / "x.png"])
-    with pytest.raises(ValueError, match="odd"):
-        Board(across=6)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"dictionary": "DICT_9X9"}, "DICT_9X9: not one of DICT_4X4_100"),
+        ({"across": 30, "down": 20}, "DICT_4X4_50: has 50 markers, 300 are needed"),
+        ({"marker": 0.03}, "smaller than the squares"),
+        ({"across": 1}, "at least 2 x 3"),
+    ],
+)
+def test_boards_that_do_not_exist(keys, words):
+    with pytest.raises(ValueError, match=words):
+        Board(**keys)
+
+
+BOUGHT = [
+    Board(12, 9, 0.015, 0.011, "DICT_5X5_100"), Board(8, 6, 0.02, 0.015), Board(8, 6, 0.02, 0.015, legacy=True),
+    Board(11, 8, 0.015, 0.011, "DICT_6X6_250", legacy=True),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("board", BOUGHT, ids=str)
+def test_bought_boards_even_ones_too(board):
+    found = calibrate_camera(find_corners(list(views(10, board)), board), SIZE, "bench")
+    assert found.rms_px < 0.5 and found.views >= 8
+    np.testing.assert_allclose(np.array(found.matrix)[[0, 1], [0, 1]], 1100, rtol=0.015)
+
+
+@pytest.mark.parametrize("board", [*BOUGHT, Board()], ids=str)
+@pytest.mark.parametrize("wrong", [{"legacy": True}, {"swapped": True}, {"swapped": True, "legacy": True}, {}], ids=str)
+def test_the_board_that_the_pictures_show_is_recognised(board, wrong):
+    named = replace(board, legacy=board.legacy != wrong.get("legacy", False))
+    if wrong.get("swapped"):
+        named = replace(named, across=board.down, down=board.across)
+    pictures = list(views(4, board))
+    found = recognised(pictures, named)
+    assert (found.across, found.down) == (board.across, board.down)
+    assert found.legacy == board.legacy or board.down % 2  # of an odd count down both patterns are one
+
+
+def test_ids_that_look_right_and_are_not_do_not_lie_on_a_plane():
+    """Negative control: the corners of a 7 x 5 board by the numbers that a 5 x 7 board gives them."""
+    (seen,) = find_corners(list(views(1, Board())), Board())
+    swapped = Board(across=5, down=7)
+    number = (np.rint(seen.on_board[:, :2] / Board().square) - 1) @ [1, Board().across - 1]
+    place = swapped.charuco().getChessboardCorners()[number.astype(int)]
+    assert flat_corners(seen, Board()) == len(number)
+    assert flat_corners(Corners(place, seen.in_view), swapped) < 0.3 * len(number)
+
+
+def test_the_command_says_which_board_it_sees(tmp_path):
+    board = Board(8, 6, 0.02, 0.015, legacy=True)
+    names = [tmp_path / f"{k}.png" for k in range(8)]
+    for name, view in zip(names, views(8, board)):
+        cv2.imwrite(str(name), view)
+    sides = ["--square-mm", "20", "--marker-mm", "15", "--out", tmp_path]
+    command = [sys.executable, "-m", "gonio.cli", "calibrate", "camera", *names, *sides]
+    run = lambda *words: subprocess.run([*map(str, command), *words], capture_output=True, text=True)
+    swapped = run("--across", "6", "--down", "8")
+    assert swapped.returncode == 5 and "8 x 6 squares, legacy pattern" in swapped.stderr
+    assert "--across 8 --down 6 --legacy" in swapped.stderr and len(swapped.stderr.splitlines()) == 1
+    contradicted = run("--across", "8", "--down", "6", "--new")
+    assert contradicted.returncode == 5 and "--legacy" in contradicted.stderr
+    good = run("--across", "8", "--down", "6")
+    assert good.returncode == 0 and "board  8 x 6 squares, legacy pattern, as the pictures show" in good.stdout

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from calibration.camera import Board, Corners, board_image
+from calibration.board import Board, Corners, board_image
 from calibration.mount import calibrate_mount, read_poses
 from gonio.cli import app
 from gonio.config import load_config

@@ -17,17 +17,25 @@ from gonio.geometry import Array, to_half_diff
 
 SHAPE = (90, 90, 180)
 SCALE = np.array([1.0, 1.15, 1.66]) / 1500
+RELAXED = 20
+EDGES = ("nearest", "nearest", "wrap")  # of theta_h, theta_d, phi_d
 SIZE = 12 + 3 * 8 * SHAPE[0] * SHAPE[1] * SHAPE[2]
 
 
 class MerlBrdf:
-    """A MERL table, nearest bin. table (3, 90, 90, 180) holds f in 1/sr; negative = not measured, read as 0."""
+    """A MERL table, nearest bin. table (3, 90, 90, 180) holds f in 1/sr; negative = not measured.
+
+    What was not measured has its neighbours' value, channel by channel; `invalid_entries` counts it, (3,).
+    """
 
     channels = 3
 
     def __init__(self, table: Array):
         if table.shape != (3, *SHAPE):
             raise ValueError(f"a MERL table has the shape (3, 90, 90, 180), not {table.shape}")
+        self.invalid_entries = np.count_nonzero(table < 0, axis=(1, 2, 3))
+        if self.invalid_entries.any():
+            table = np.stack([filled(channel) for channel in table])
         self._table = np.moveaxis(np.asarray(table, float), 0, -1).reshape(-1, 3)
         edges = np.pi / 2 * (np.arange(91) / 90) ** 2
         # incidences of 0..70 degrees, where theta_d is about theta_i
@@ -61,6 +69,25 @@ class MerlBrdf:
         return self._sampler.pdf(wi, wo)
 
 
+def filled(channel: Array) -> Array:
+    """One channel (90, 90, 180), its negative entries by their neighbours: first the nearest, then relaxed.
+
+    phi_d wraps. Raises ValueError for a channel without a single valid entry.
+    """
+    from scipy.ndimage import convolve1d, distance_transform_edt
+
+    hole = channel < 0
+    if hole.all():
+        raise ValueError("a channel of the table has no valid entry")
+    wide = np.concatenate([channel, channel, channel], 2)  # so that phi_d has no edge
+    nearest = distance_transform_edt(wide < 0, return_distances=False, return_indices=True)
+    out = wide[tuple(nearest)][:, :, SHAPE[2] : 2 * SHAPE[2]]
+    for _ in range(RELAXED):
+        around = sum(convolve1d(out, [0.5, 0, 0.5], axis, mode=mode) for axis, mode in enumerate(EDGES))
+        out = np.where(hole, around / 3, out)
+    return out
+
+
 def bin_index(theta_h: Array, theta_d: Array, phi_d: Array) -> NDArray[np.int64]:
     """Flat number of the bin of angles in radians, (N,)."""
     i = np.clip((np.sqrt(np.clip(theta_h / (np.pi / 2), 0, 1)) * 90).astype(int), 0, 89)
@@ -84,6 +111,8 @@ def read_merl(stream: BinaryIO, name: str) -> Array:
         raise BrdfFileError(f"{name}: byte {byte}: not a finite number; corrupt, get it again")
     if np.abs(table).max() > 1e30:
         raise BrdfFileError(f"{name}: holds values above 1e30; corrupt, get it again")
+    if (table < 0).all((1, 2, 3)).any():
+        raise BrdfFileError(f"{name}: a channel without a single valid entry; corrupt, get it again")
     return table * SCALE[:, None, None, None]
 
 
