@@ -18,18 +18,29 @@ PAUSE_S = 1.0
 
 
 class Estimator:
-    """Puts `estimate: {measured, ess, energy_error}` on the board's job, on a growing schedule and once at the end."""
+    """Puts `estimate: {measured, ess, energy_error}` on the board's job, on a growing schedule and once at the end.
+
+    Of a run that is done it is None until the last one is there, which stays: what is shown after the end is final.
+    """
 
     def __init__(self, folder: Path, board: StatusBoard):
         self._folder, self._board = folder, board
         self._job = board.state()["job"]["id"]
-        self._closed, self._done = threading.Event(), False
-        threading.Thread(target=self._loop, name="estimates", daemon=True).start()
+        self._closed, self._done, self._lock = threading.Event(), False, threading.Lock()
+        self.thread = threading.Thread(target=self._loop, name="estimates", daemon=True)
+        self.thread.start()
 
     def close(self, *, done: bool) -> None:
         """The run has ended; only one that is done is worth a last look."""
-        self._done = done
-        self._closed.set()
+        with self._lock:
+            self._done = done
+            self._closed.set()
+            if done and self._measured() >= FIRST:
+                self._board.job_of(self._job, estimate=None)
+
+    def _measured(self) -> int:
+        job = self._board.state()["job"] or {}
+        return int((job.get("progress") or {}).get("measured", 0)) if job.get("id") == self._job else 0
 
     def _loop(self) -> None:
         due = FIRST
@@ -42,8 +53,11 @@ class Estimator:
             measured = (job.get("progress") or {}).get("measured", 0)
             if (measured >= due and not over) or (over and self._done and measured >= FIRST):
                 due = int(GROWTH * measured) + 1
-                if (found := self._ask()) is not None:
-                    self._board.job_of(self._job, estimate={"measured": measured, **found})
+                if (found := self._ask()) is None:
+                    continue
+                with self._lock:
+                    if over or not self._closed.is_set():  # what was asked before the end and comes after it is old
+                        self._board.job_of(self._job, estimate={"measured": measured, **found})
 
     def _ask(self) -> dict[str, Any] | None:
         env = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}

@@ -1,9 +1,6 @@
 """The emulators of one rig, on pseudo-terminals. The real drivers open `devices` and never know the difference."""
 
-import shutil
-import tempfile
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
@@ -13,6 +10,7 @@ from gonio.rig.build import envelope_of, geometry_calibration, park_pose
 from gonio.rig.clock import ScaledClock
 from sim.light import SimLight
 from sim.sample import Sample
+from sim.wire.folder import Folder
 from sim.wire.light import WireLight
 from sim.wire.line import Device, Line, Server
 from sim.wire.photodiode import WirePhotodiode
@@ -53,7 +51,8 @@ class Emulators:
 
         self.photodiode = WirePhotodiode(config.photodiode, scene, sample.channels, config.exposure_s, seed, self.clock)
         self.bus, self.light = ServoBus(self.servos), WireLight(lamp)
-        self.folder = Path(tempfile.mkdtemp(prefix="gonio-wire-"))
+        self._folder = Folder()
+        self.folder = self._folder.path
         devices: dict[str, Device] = {"stage": self.bus, "photodiode": self.photodiode, "light": self.light}
         self.lines = {name: Line(self.folder / name, device) for name, device in devices.items()}
         self.server = Server(list(self.lines.values()))
@@ -80,4 +79,4 @@ class Emulators:
 
     def close(self) -> None:
         self.server.close()
-        shutil.rmtree(self.folder, ignore_errors=True)
+        self._folder.close()

@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import pytest
@@ -58,13 +57,18 @@ class Daemon:
         return self.client.get("/state").json()
 
     def until(self, wanted, seconds=60):
-        """Wait until `wanted(state)`; that state."""
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            if wanted(state := self.state()):
-                return state
-            time.sleep(0.02)
-        raise AssertionError(f"waited in vain; {json.dumps(state)}")
+        """The first state, as the daemon tells of its changes, that is `wanted`."""
+        state = None
+        with self.client.stream("GET", "/events", timeout=seconds) as answer:
+            for line in answer.iter_lines():
+                if line.startswith("data: ") and "devices" in (told := json.loads(line[6:])):
+                    state = told
+                    if wanted(state):
+                        return state
+                elif line.startswith(": still here"):
+                    seconds -= 5
+                    assert seconds > 0, f"waited in vain; {json.dumps(state)}"
+        raise AssertionError(f"the daemon fell silent; {json.dumps(state)}")
 
     def ended(self, job):
         return self.until(lambda s: s["job"]["id"] == job and s["job"]["ended"] is not None)["job"]

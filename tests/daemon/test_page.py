@@ -83,6 +83,24 @@ def test_a_page_that_loses_its_daemon_says_so(browser):
         daemon.close()
 
 
+@pytest.mark.parametrize(("width", "height"), [(390, 844), (768, 1024), (1280, 900), (1280, 720)])
+def test_nothing_sticks_out_and_the_scale_is_in_sight(daemon, browser, width, height):
+    page = browser.new_page(viewport={"width": width, "height": height})
+    page.goto(daemon.url)
+    page.locator("#state", has_text="idle").wait_for()
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    for name in ("stop", "pause", "state", "rig"):
+        box = page.locator(f"#{name}").bounding_box()
+        assert 0 <= box["x"] and box["x"] + box["width"] <= width, name
+        assert 0 <= box["y"] and box["y"] + box["height"] <= height, name
+    if width > 900:  # beside each other: all of the view is on the first screen
+        box = page.locator("#scale").bounding_box()
+        assert box["y"] + box["height"] <= height
+    if folder := os.environ.get("GONIO_PAGES"):
+        page.screenshot(path=f"{folder}/{width}.png")
+    page.close()
+
+
 @pytest.mark.skipif(not PICTURE, reason="makes a picture for the docs; set GONIO_SCREENSHOT to its path")
 def test_picture(daemon, browser):
     page = browser.new_page(viewport={"width": 1360, "height": 900})
