@@ -54,11 +54,15 @@ def test_mistakes_are_explained_in_one_line(text, words):
     assert "\n" not in message and all(w in message for w in words), message
 
 
-@pytest.mark.parametrize("written", ["007", "450", "1e4", "no", "2026-11-26", "1.50", "0x1F"])
+@pytest.mark.parametrize(
+    "written", ["007", "450", "1e4", "no", "null", "2026-11-26", "2026-13-45", "1:30", "1.50", "0x1F", "true"]
+)
 def test_a_key_that_can_only_be_text_takes_what_is_written(written):
-    m = parse_config(f"name: '{written}'\nchannels: [{written}, B]", Material)
+    m = parse_config(f"name: a\nchannels: [{written}, B]", Material)
     assert m.channels == (written, "B")
-    assert parse_config(f"name: a{written}\ntruth: {written}", Material).truth == written
+    if written == "null":  # of a key that may be left out
+        return
+    assert parse_config(f"name: a\ntruth: {written}", Material).truth == written
     assert parse_config(GOOD, Material, [f"truth={written}", f"channels=[{written}]"]).channels == (written,)
 
 
@@ -75,6 +79,21 @@ def test_whole_numbers_with_an_exponent():
     assert parse_config(GOOD, Material, ["budget.measurements=2.5e3"]).budget.measurements == 2500
     with pytest.raises(ConfigError, match=r"budget\.measurements"):
         parse_config(GOOD, Material, ["budget.measurements=1.5e0"])
+
+
+def test_a_number_is_read_in_base_ten():
+    assert parse_config("name: a\nseed: 010", Material).seed == 10
+    assert parse_config("name: a\nsampler: {kappa: 0100}", Material).sampler.kappa == 100
+    for key in ("seed", "sampler.kappa", "budget.rig_hours"):
+        with pytest.raises(ConfigError, match=f"--set {key}: .*1:30"):
+            parse_config(GOOD, Material, [f"{key}=1:30"])
+
+
+def test_a_name_that_is_missing_is_not_called_null():
+    for nothing in ("", "~", "''"):
+        with pytest.raises(ConfigError, match="name"):
+            parse_config(f"name: {nothing}", Material)
+    assert parse_config("name: null", Material).name == "null"
 
 
 def test_overrides():

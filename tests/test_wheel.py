@@ -1,7 +1,9 @@
 """The wheel is the whole program: installed in an empty folder, everything that ships is found by its name."""
 
+import json
 import os
 import shutil
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
@@ -28,6 +30,10 @@ def installed(tmp_path_factory):
     install = [*pip, "install", "-q", "--no-deps", "--no-index", "--target", base / "site", wheel]
     subprocess.run(install, check=True, capture_output=True, timeout=300)
     (base / "empty").mkdir()
+    # somebody else's repository, which the program is not of
+    subprocess.run(["git", "init", "-q", base], check=True)
+    commit = ["-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "--allow-empty", "-m", "theirs"]
+    subprocess.run(["git", "-C", base, *commit], check=True)
     return base / "site", base / "empty"
 
 
@@ -61,6 +67,41 @@ def test_every_study_is_listed(installed):
     assert [line.split()[0] for line in said.splitlines()] == names("studies")
 
 
+def test_every_study_opens(installed):
+    """Its module is there and its file is what the module takes."""
+    code = (
+        "import sys; from gonio.bench.runner import *; from gonio.config.find import find_config\n"
+        f"for name in {names('studies')!r}:\n"
+        "    path = find_config(name, 'studies'); kind = yaml.safe_load(path.read_text())['study']\n"
+        "    load_config(path, import_module(STUDIES[kind]).Config)\n"
+        "    print(path)"
+    )
+    site, empty = installed
+    env = {**os.environ, "PYTHONPATH": str(site)}
+    said = subprocess.run([sys.executable, "-c", code], cwd=empty, env=env, capture_output=True, text=True, timeout=300)
+    assert said.returncode == 0, said.stderr
+    assert all(Path(line).is_relative_to(site) for line in said.stdout.splitlines())
+
+
+def test_short_help_version_and_materials(installed):
+    for words in (["-h"], ["acquire", "-h"], ["calibrate", "camera", "-h"]):
+        assert gonio(installed, *words).startswith("Usage:")
+    assert gonio(installed, "--version").startswith("gonio ")
+    listed = {line.split()[0] for line in gonio(installed, "materials").splitlines() if line.strip()}
+    assert set(names("materials")) <= listed
+
+
+def test_the_wheel_holds_what_the_source_tree_holds(installed):
+    """Every file of the packages that git knows, code or not."""
+    kept = subprocess.run(["git", "-C", ROOT, "ls-files", "gonio", "drivers", "sim", "calibration", "configs"],
+                          capture_output=True, text=True)  # fmt: skip
+    if kept.returncode:
+        pytest.skip("not a clone")
+    here = [f"gonio/{name}" if name.startswith("configs/") else name for name in kept.stdout.split()]
+    missing = [n for n in here if n != "gonio/configs" and not (installed[0] / n).exists() and (ROOT / n).exists()]
+    assert not missing
+
+
 def test_a_run_from_the_wheel(installed):
     """Measured, reconstructed, exported; the flow's weights and the daemon's page are there too."""
     said = gonio(
@@ -68,5 +109,8 @@ def test_a_run_from_the_wheel(installed):
         "--set", "sampler.proposal=flow", "--set", "sampler.flow.train=false",
     )  # fmt: skip
     assert "report run/report.html" in said
-    site = installed[0]
+    site, empty = installed
+    with sqlite3.connect(empty / "run" / "run.sqlite") as db:
+        (text,) = db.execute("SELECT value FROM meta WHERE key = 'provenance'").fetchone()
+    assert json.loads(text)["git"] == ""
     assert (site / "gonio" / "daemon" / "page" / "index.html").is_file() and (site / "gonio" / "py.typed").is_file()

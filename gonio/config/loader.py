@@ -13,7 +13,15 @@ from gonio.config.scalars import as_keys_want
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 20
-_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """The C twin of SafeLoader, where there is one; it leaves dates as they are written: a key's type reads them."""
+
+    yaml_implicit_resolvers = {
+        first: [(tag, pattern) for tag, pattern in known if not tag.endswith(":timestamp")]
+        for first, known in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
 
 
 class ConfigError(ValueError):
@@ -70,7 +78,7 @@ def _read(text: str, source: str) -> tuple[dict[str, Any], yaml.Node, dict[tuple
         if problem:
             raise ConfigError(f"{source}:{problem}")
         node = yaml.compose(text, Loader=_Loader)
-        data = yaml.load(text, Loader=_Loader)  # the C twin of SafeLoader
+        data = yaml.load(text, Loader=_Loader)
     except ConfigError:
         raise
     except yaml.YAMLError as e:
@@ -125,7 +133,7 @@ def _override(data: dict[str, Any], item: str, model: type[BaseModel]) -> None:
     if not sign or not all(names):
         raise ConfigError(f"--set {item}: expected key.subkey=value")
     try:
-        parsed, node = yaml.safe_load(value), yaml.compose(value, Loader=_Loader)
+        parsed, node = yaml.load(value, Loader=_Loader), yaml.compose(value, Loader=_Loader)
     except (yaml.YAMLError, ValueError) as e:
         raise ConfigError(f"--set {item}: the value is not YAML ({_one_line(e)})") from None
     for name in reversed(names):  # as if it stood in the file, so that its key's type is found the same way

@@ -1,7 +1,8 @@
 """What a plain scalar of a YAML file means is what its key is for: `name: 007` is text, `measurements: 1e4` a number.
 
-YAML 1.1 reads 007 as 7, 450 as a number, `no` as false, 2026-11-26 as a date and 1e4 as text. A key that can only be
-text takes the scalar as it is written; one that can only be a whole number takes 1e4 as 10000.
+YAML 1.1 reads 007 as 7, 010 as 8, 1:30 as 90, 450 as a number, `no` as false, `null` as nothing and 1e4 as text. A key
+that can only be text takes the scalar as it is written; one that can only be a number takes 1e4 as 10000, 010 as 10 and
+refuses 1:30.
 """
 
 import re
@@ -14,6 +15,7 @@ import yaml
 from pydantic import BaseModel
 
 EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d{1,3}")
+OCTAL = re.compile(r"[-+]?0\d+")
 
 
 def as_keys_want(data: Any, node: yaml.Node | None, *wanted: Any) -> Any:
@@ -25,7 +27,9 @@ def as_keys_want(data: Any, node: yaml.Node | None, *wanted: Any) -> Any:
     if isinstance(node, yaml.SequenceNode) and isinstance(data, list):
         items = [a for o in options for a in get_args(o) if get_origin(o) in (tuple, list) and a is not Ellipsis]
         return [as_keys_want(value, inner, *items) for value, inner in zip(data, node.value)]
-    if not isinstance(node, yaml.ScalarNode) or node.style or data is None:  # quoted, or nothing
+    if not isinstance(node, yaml.ScalarNode) or node.style:  # quoted
+        return data
+    if data is None and (type(None) in options or node.value in ("", "~")):
         return data
     leaves = {o for o in options if o is not type(None)}
     if leaves and all(o in (str, Path) or _is_literal_text(o) for o in leaves):
@@ -33,6 +37,11 @@ def as_keys_want(data: Any, node: yaml.Node | None, *wanted: Any) -> Any:
     if int in leaves and str not in leaves and EXPONENT.fullmatch(node.value):
         number = float(node.value)
         return int(number) if number.is_integer() else number
+    if leaves & {int, float} and str not in leaves:
+        if OCTAL.fullmatch(node.value):
+            return int(node.value)
+        if ":" in node.value:  # in base sixty, to YAML alone
+            return node.value
     return data
 
 

@@ -33,11 +33,12 @@ def provenance(material: Material, rig: RigConfig, origin: str) -> dict[str, Any
 
 
 def _git() -> str:
-    here = Path(gonio.__file__).parent
+    """The state of the source tree; "" for an installed gonio, whatever repository its environment lies in."""
+    root = Path(gonio.__file__).resolve().parents[1]
+    if not (root / ".git").exists():
+        return ""
+    command = ["git", "-C", str(root), "describe", "--always", "--dirty"]
     try:
-        done = subprocess.run(
-            ["git", "-C", here, "describe", "--always", "--dirty"], capture_output=True, text=True, timeout=5
-        )
+        return subprocess.run(command, capture_output=True, text=True, timeout=5).stdout.strip()
     except (OSError, subprocess.SubprocessError):
         return ""
-    return done.stdout.strip()
