@@ -73,18 +73,28 @@ def check(
     seed: Annotated[int | None, typer.Option()] = None,
     set_: SetOption = [],  # noqa: B006
     out: Annotated[Path | None, typer.Option(help="the run folder that is to be made")] = None,
+    daemon: DaemonOption = None,
 ) -> None:
     """Read a config and all it names, and print what it would do: reachable share, estimated rig time. No hardware.
 
-    Whatever `acquire` would refuse before it moves is refused.
+    Whatever `acquire` would refuse before it moves is refused; a rig that is busy, after the plan.
     """
+    from gonio.commands import through
+    from gonio.daemon.client import Refused
+    from gonio.daemon.sockets import hold_hardware
     from gonio.run.check import plan_text
-    from gonio.run.record.folder import refuse_folder
 
     material, rig_config = _configs(config, rig, set_, seed)
-    if out is not None:
-        refuse_folder(out)
-    typer.echo(plan_text(material, rig_config))
+    if (client := through.daemon_of(rig_config.name, daemon)) is not None:
+        through.refuse_rig_keys(set_)
+        plan, busy = through.check(client, material, out)
+        typer.echo(plan)
+        if busy:
+            raise Refused(busy, 2)
+        return
+    typer.echo(plan_text(material, rig_config, out))
+    with hold_hardware(rig_config):
+        pass
 
 
 def _configs(config: str, rig: str, overrides: list[str], seed: int | None):

@@ -24,8 +24,18 @@ def refuse_rig_keys(overrides: list[str]) -> None:
         raise ConfigError(f"--set {theirs[0]}: the daemon has its own rig config; end it first, or use --no-daemon")
 
 
+def check(client, material: Material, out: Path | None) -> tuple[str, str]:
+    """What the daemon would do with the material; and what it does now, "" where a run could begin."""
+    found = client.post("/check", _body(client, material, out))
+    return found["plan"], found["busy"]
+
+
 def acquire(client, material: Material, out: Path | None) -> Path:
     """The finished run's folder."""
+    return _watch(client, client.post("/jobs/acquire", _body(client, material, out))["job"])
+
+
+def _body(client, material: Material, out: Path | None) -> dict[str, Any]:
     runs = Path(client.state()["runs"])
     body: dict[str, Any] = {"material": material.model_dump(mode="json")}
     if (flow := body["material"]["sampler"]["flow"])["weights"] is not None:
@@ -34,7 +44,7 @@ def acquire(client, material: Material, out: Path | None) -> Path:
         from gonio.daemon.request_paths import relative
 
         body["run"] = relative(runs, out)
-    return _watch(client, client.post("/jobs/acquire", body)["job"])
+    return body
 
 
 def resume(client, run: Path, overrides: list[str]) -> Path:

@@ -55,9 +55,8 @@ class Control:
         if not self._claim.acquire(blocking=False):
             raise Busy(f"rig {self.config.name}: another job is being prepared; try again")
         try:
-            if not self._idle.is_set():
-                doing = (self.board.state()["job"] or {}).get("kind", "something")
-                raise Busy(f"rig {self.config.name}: busy with {doing}; wait, or `gonio stop` it")
+            if doing := self.busy():
+                raise Busy(doing)
             work, about = prepare()
             self._stopped.clear()
             self._go_on.set()
@@ -67,6 +66,13 @@ class Control:
             return number
         finally:
             self._claim.release()
+
+    def busy(self) -> str:
+        """What keeps the rig from a new job, in words; "" for nothing."""
+        if self._idle.is_set():
+            return ""
+        doing = (self.board.state()["job"] or {}).get("kind", "something")
+        return f"rig {self.config.name}: busy with {doing}; wait, or `gonio stop` it"
 
     def pause(self) -> bool:
         """The run holds after the measurement under way; False where nothing runs that can be paused."""

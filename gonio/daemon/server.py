@@ -22,6 +22,8 @@ from gonio.config import ConfigError, Material
 from gonio.daemon import jobs, manual
 from gonio.daemon.control import Busy, Control
 from gonio.daemon.request_paths import RUN, run_folder, truth_name, weights_file
+from gonio.run.check import plan_text
+from gonio.run.prepare import new_name
 
 PAGE = {"app.js": "text/javascript", "hemisphere.js": "text/javascript", "style.css": "text/css"}
 HEADERS = {
@@ -72,6 +74,11 @@ class Refused(BaseModel):
     code: int
 
 
+class Plan(BaseModel):
+    plan: str
+    busy: str = Field(description="with what, in words; empty where a run could begin now")
+
+
 class Said(BaseModel):
     done: bool
 
@@ -85,8 +92,11 @@ def make_app(control: Control, runs: Path) -> FastAPI:
     board = control.board
 
     def submit(kind: str, prepare) -> Any:
+        return answer(lambda: {"job": control.submit(kind, prepare)})
+
+    def answer(make) -> Any:
         try:
-            return {"job": control.submit(kind, prepare)}
+            return make()
         except Exception as e:
             code = getattr(e, "exit_code", None)
             if code is None:
@@ -101,18 +111,17 @@ def make_app(control: Control, runs: Path) -> FastAPI:
     @app.post("/jobs/acquire", status_code=202, response_model=Accepted, responses=refusals)
     def acquire(body: AcquireBody) -> Any:
         """Measure a material. The client has resolved its config."""
+        return submit("acquire", lambda: jobs.acquire(control, *_named(runs, body)))
 
-        def prepare():
-            material = body.material
-            if material.truth is not None:
-                material = material.model_copy(update={"truth": truth_name(runs, material.truth)})
-            if (weights := material.sampler.flow.weights) is not None:
-                flow = material.sampler.flow.model_copy(update={"weights": weights_file(runs, weights)})
-                material = material.model_copy(update={"sampler": material.sampler.model_copy(update={"flow": flow})})
-            _must_be_text(material)
-            return jobs.acquire(control, material, _new_folder(runs, material.name, body.run))
+    @app.post("/check", response_model=Plan, responses=refusals)
+    def check(body: AcquireBody) -> Any:
+        """What `/jobs/acquire` would do, without doing it; refused as that would be, but for what the rig does now."""
 
-        return submit("acquire", prepare)
+        def plan():
+            material, folder = _named(runs, body)
+            return {"plan": plan_text(material, control.config, folder), "busy": control.busy()}
+
+        return answer(plan)
 
     @app.post("/jobs/resume", status_code=202, response_model=Accepted, responses=refusals)
     def resume(body: ResumeBody) -> Any:
@@ -205,14 +214,16 @@ async def _events(control: Control, last_event_id: str) -> AsyncIterator[str]:
         await asyncio.sleep(TICK_S)
 
 
-def _new_folder(runs: Path, material: str, run: str | None) -> Path:
-    if run is not None:
-        return run_folder(runs, run)
-    import secrets
-    import time
-
-    stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
-    return run_folder(runs, f"{material}/{stamp}-{secrets.token_hex(2)}")
+def _named(runs: Path, body: AcquireBody) -> tuple[Material, Path]:
+    """The material, its files found, and the folder of its run. Raises ConfigError."""
+    material = body.material
+    if material.truth is not None:
+        material = material.model_copy(update={"truth": truth_name(runs, material.truth)})
+    if (weights := material.sampler.flow.weights) is not None:
+        flow = material.sampler.flow.model_copy(update={"weights": weights_file(runs, weights)})
+        material = material.model_copy(update={"sampler": material.sampler.model_copy(update={"flow": flow})})
+    _must_be_text(material)
+    return material, run_folder(runs, body.run or f"{material.name}/{new_name()}")
 
 
 def _must_be_text(material: Material) -> None:

@@ -1,5 +1,7 @@
 """What a config would do, without doing it: `gonio check`."""
 
+from pathlib import Path
+
 import numpy as np
 
 from gonio.config.material import Material
@@ -13,12 +15,12 @@ PAIRS = 20_000
 TOUR = 512
 
 
-def plan_text(material: Material, rig: RigConfig) -> str:
+def plan_text(material: Material, rig: RigConfig, out: Path | None = None) -> str:
     """The resolved plan: sample, chain, reachable share of the domain, estimated rig time. Touches no hardware.
 
     Raises what `prepare` does: whatever `acquire` would refuse before it moves.
     """
-    ready = prepare(material, rig)
+    ready = prepare(material, rig, out)
     c, target = material.sampler, material.sampler.target
     isotropic = material.symmetry == "isotropic"
     envelope = ready.envelope

@@ -3,7 +3,10 @@
 `gonio check` and `gonio acquire` go through the same door, so that a plan that cannot start is no plan.
 """
 
+import secrets
+import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import gonio
 from gonio.brdf import Brdf
@@ -19,20 +22,28 @@ from gonio.rig.build import (
     radiometry_of,
 )
 from gonio.rig.motion.envelope import Envelope
+from gonio.run.record.folder import refuse_folder
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """truth: the BRDF that a simulated rig shows and in words where it was found; None and "" on a real rig."""
+    """folder: that of the run, not made yet. truth: the BRDF that a simulated rig shows and in words where it was
+    found; None and "" on a real rig."""
 
+    folder: Path
     truth: Brdf | None
     origin: str
     envelope: Envelope
 
 
-def prepare(material: Material, rig: RigConfig) -> Prepared:
-    """Raises ConfigError, BrdfFileError, FlowError, CalibrationMissing, NoSupport: whatever would keep a run from
-    starting, but for the devices themselves."""
+def prepare(material: Material, rig: RigConfig, out: Path | None = None) -> Prepared:
+    """Everything for a run in `out` (None: runs/<material>/<UTC stamp>-<short id>); nothing is made.
+
+    Raises StoreError, ConfigError, BrdfFileError, FlowError, CalibrationMissing, NoSupport: whatever would keep a run
+    from starting, but for the devices themselves.
+    """
+    folder = out or Path("runs") / material.name / new_name()
+    refuse_folder(folder)
     refuse_misfit(material, rig)
     _refuse_missing_devices(rig)
     truth, origin = find_truth(material, rig)
@@ -49,7 +60,12 @@ def prepare(material: Material, rig: RigConfig) -> Prepared:
             camera_calibration(rig)
             camera_frames(rig)
     make_sampler(material, envelope.reachable).ask()
-    return Prepared(truth, origin, envelope)
+    return Prepared(folder, truth, origin, envelope)
+
+
+def new_name() -> str:
+    """A run's own, in the folder of its material: when, and a few digits so that two of a second do not meet."""
+    return f"{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}-{secrets.token_hex(2)}"
 
 
 def find_truth(material: Material, rig: RigConfig) -> tuple[Brdf | None, str]:

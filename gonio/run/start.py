@@ -2,8 +2,6 @@
 
 import contextlib
 import os
-import secrets
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,14 +104,11 @@ class Run:
 def start(material: Material, rig: RigConfig, out: str | os.PathLike[str] | None = None) -> Run:
     """A new run folder, nothing measured yet. out = None: runs/<material>/<UTC stamp>-<short id>.
 
-    Raises what `prepare` does, before there is a folder; StoreError.
+    Raises what `prepare` does, before there is a folder; StoreError where it cannot be made.
     """
-    ready = prepare(material, rig)
-    if out is None:
-        stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
-        out = Path("runs") / material.name / f"{stamp}-{secrets.token_hex(2)}"
+    ready = prepare(material, rig, None if out is None else Path(out))
     config = RunConfig(material=material, rig=rig)
-    store = Store.create(out, dump(config), provenance(material, rig, ready.origin), **_care(rig))
+    store = Store.create(ready.folder, dump(config), provenance(material, rig, ready.origin), **_care(rig))
     shown = ready.origin or "what lies on the rig"
     store.event("started", f"gonio {gonio.__version__}, rig {rig.name} ({rig.depth}), truth {shown}")
     return Run(config, store, ready.truth)

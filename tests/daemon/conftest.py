@@ -13,26 +13,38 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import ROOT
+
 pytest.importorskip("fastapi", reason="needs the extra `daemon`")
 httpx = pytest.importorskip("httpx", reason="needs the extra `daemon`")
+
+
+PLANNED = (
+    "import json, sys; from tests.self_kill import install; from gonio.cli import main; "
+    "install(json.loads(sys.argv.pop(1))); main()"
+)
 
 
 class Daemon:
     """`gonio daemon` on a rig: `client` over its Unix socket, `gonio(...)` in the same surroundings."""
 
-    def __init__(self, rig="sim", tcp=False, name=None):
+    def __init__(self, rig="sim", tcp=False, name=None, **plan):
+        """plan: what the daemon does to itself, as `tests.self_kill.install` takes it."""
         self.base = Path(tempfile.mkdtemp(prefix="gonio-test-"))  # short: a socket's path may have 107 bytes
         self.runs = self.base / "runs"
         (self.base / "run").mkdir(mode=0o700)
         self.env = {**os.environ, "XDG_RUNTIME_DIR": str(self.base / "run"), "OMP_NUM_THREADS": "1"}
         self.rig, self.tcp, self.url = rig, tcp, ""
         self.socket = self.base / "run" / "gonio" / f"{name or rig}.sock"
-        self.start()
+        self.start(**plan)
 
-    def start(self):
+    def start(self, **plan):
         port = ["--tcp", "0"] if self.tcp else []
         command = ["daemon", "--rig", str(self.rig), "--runs", str(self.runs), *port]
-        self.process = self.spawn(*command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        words = [sys.executable, "-c", PLANNED, json.dumps(plan), *command]
+        self.process = subprocess.Popen(
+            words, env=self.env, text=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, cwd=ROOT
+        )
         assert self.process.stdout.readline().startswith("rig"), "the daemon did not start"
         if self.tcp:
             self.url = self.process.stdout.readline().split()[1]
@@ -70,6 +82,15 @@ class Daemon:
                     assert seconds > 0, f"waited in vain; {json.dumps(state)}"
         raise AssertionError(f"the daemon fell silent; {json.dumps(state)}")
 
+    def until_gone(self):
+        """The last state that the daemon tells of before it dies."""
+        state = {"job": None}
+        with contextlib.suppress(httpx.HTTPError), self.client.stream("GET", "/events") as answer:
+            for line in answer.iter_lines():
+                if line.startswith("data: ") and "devices" in (told := json.loads(line[6:])):
+                    state = told
+        return state
+
     def ended(self, job):
         return self.until(lambda s: s["job"]["id"] == job and s["job"]["ended"] is not None)["job"]
 
@@ -79,9 +100,18 @@ class Daemon:
         assert answer.status_code == 202, answer.text
         return answer.json()["job"]
 
-    def measured(self, at_least):
-        """Wait until so many measurements have been made; that state."""
-        return self.until(lambda s: ((s["job"] or {}).get("progress") or {"measured": 0})["measured"] >= at_least)
+    def last_job(self):
+        """Number of the job that was begun last, 0 before the first."""
+        return (self.state()["job"] or {"id": 0})["id"]
+
+    def measured(self, at_least, after=0):
+        """Wait until so many measurements have been made by a job later than number `after`; that state."""
+
+        def enough(s):
+            job = s["job"] or {"id": 0}
+            return job["id"] > after and (job.get("progress") or {"measured": 0})["measured"] >= at_least
+
+        return self.until(enough)
 
     def kill(self):
         self.process.kill()

@@ -111,6 +111,31 @@ def test_commands_go_through_the_daemon(daemon):
     assert daemon.gonio("jog", "elbow", "5").returncode == 2
 
 
+def test_check_asks_the_daemon(daemon):
+    """What it would refuse is refused in the same words; that the rig is busy is said after the plan."""
+    wrong = (
+        ["--out", daemon.base / "elsewhere"],
+        ["--set", f"truth={daemon.base / 'run'}"],
+        ["--set", "channels=[a, b]"],
+        ["--set", "rig.settle_s=1"],
+    )
+    for words in wrong:
+        checked, tried = (daemon.gonio(c, "chm_orange", *words) for c in ("check", "acquire"))
+        assert checked.returncode == tried.returncode == 2 and checked.stderr == tried.stderr, words
+        assert checked.stdout == ""
+    job = daemon.acquire("long", 100_000)
+    checked, tried = (daemon.gonio(c, "chm_orange") for c in ("check", "acquire"))
+    assert checked.returncode == tried.returncode == 2 and checked.stderr == tried.stderr
+    assert "busy with acquire" in checked.stderr and "chm_orange, isotropic" in checked.stdout
+    daemon.gonio("stop")
+    daemon.ended(job)
+    daemon.until(lambda s: s["state"] == "idle")
+    done = daemon.gonio("check", "chm_orange", "--out", daemon.runs / "new")
+    assert done.returncode == 0 and "chm_orange, isotropic" in done.stdout and not (daemon.runs / "new").exists()
+    done = daemon.gonio("check", "chm_orange", "--out", daemon.runs / "long")
+    assert done.returncode == 2 and "exists already" in done.stderr
+
+
 def test_second_daemon_refuses(daemon):
     done = daemon.gonio("daemon", "--rig", "sim", "--runs", daemon.runs)
     assert done.returncode == 2 and "another process drives it" in done.stderr
@@ -125,8 +150,9 @@ def test_socket_is_the_users_alone(daemon):
 def test_clients_die_and_the_run_goes_on(daemon):
     """One that acquires, one that watches without reading: both killed."""
     command = ("acquire", "chm_orange", "--no-post", "--set", "budget.measurements=100000")
+    before = daemon.last_job()
     with daemon.spawn(*command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as client:
-        job = daemon.measured(20)["job"]
+        job = daemon.measured(20, after=before)["job"]
         assert job["kind"] == "acquire" and job["ended"] is None
         with daemon.client.stream("GET", "/events"):
             client.send_signal(signal.SIGKILL)
@@ -137,7 +163,7 @@ def test_clients_die_and_the_run_goes_on(daemon):
 
 
 def test_daemon_killed_loses_nothing():
-    daemon = Daemon("sim")
+    daemon = Daemon("sim", measured=75, where="between")
     try:
         client = daemon.spawn(
             *(
@@ -152,13 +178,13 @@ def test_daemon_killed_loses_nothing():
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
         )
-        daemon.measured(50)
-        seen = daemon.state()["job"]["progress"]["measured"]
-        daemon.kill()
+        last = daemon.until_gone()["job"] or {}
+        seen = (last.get("progress") or {"measured": 0})["measured"]
+        assert daemon.process.wait(60) == -signal.SIGKILL
         _, err = client.communicate(timeout=60)
         assert client.returncode == 130 and "does not answer" in err and "Traceback" not in err
         before = contents(daemon.runs / "k")
-        assert len(before["id"]) >= seen, "what was shown was not stored"
+        assert 75 > len(before["id"]) >= seen, "what was shown was not stored"
         done = daemon.gonio("resume", daemon.runs / "k", "--no-post")
         assert done.returncode == 0, done.stderr
         done = daemon.gonio(

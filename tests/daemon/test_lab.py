@@ -1,9 +1,11 @@
 """A daemon on a rig of depth `real`, its ports leading to emulators in this process: they outlive the daemon."""
 
 import json
+import os
 import signal
 import subprocess
 import threading
+from collections import deque
 
 import pytest
 
@@ -12,6 +14,7 @@ from tests.daemon.test_daemon import assert_same, contents
 from tests.wire.lab import NAME, Lab
 
 N = 60
+AT = (12, 30, 45, 60)  # of the 86 lines that a run says to its photodiode: when things happen
 
 
 @pytest.fixture
@@ -59,31 +62,32 @@ def moving(lab):
         return any(abs(s._to - s.position(now)) > 2 for s in lab.emulators.servos.values())
 
 
-def in_a_move(lab):
-    """Until a packet finds the servos on their way."""
-    on_the_way = threading.Event()
-    receive = lab.emulators.bus.receive
+def in_a_move(lab, *strikes):
+    """Each of `strikes` (readings, act): acted when a packet finds the servos on their way and so many lines or more
+    were said to the photodiode. In the emulators' own thread, so that nothing else happens meanwhile; the event that
+    is returned is set after the last."""
+    emulators, todo, done = lab.emulators, deque(strikes), threading.Event()
+    receive = emulators.bus.receive
 
     def listening(data):
         answers = receive(data)
-        if moving(lab):
-            on_the_way.set()
+        if todo and emulators.lines["photodiode"].packets >= todo[0][0] and moving(lab):
+            todo.popleft()[1]()
+            if not todo:
+                done.set()
         return answers
 
-    lab.emulators.bus.receive = listening
-    assert on_the_way.wait(60), "nothing ever moves"
-    lab.emulators.bus.receive = receive
+    emulators.bus.receive = listening
+    return done
 
 
 def test_plugged_out_in_a_move_and_in_again(lab, daemon, whole):
     """Each of its three cables."""
-    job, server = acquire(daemon, lab, "r"), lab.emulators.server
-    for at, name in ((8, "stage"), (20, "photodiode"), (30, "stage"), (40, "light")):
-        daemon.measured(at)
-        in_a_move(lab)
-        server.unplug(lab.emulators.lines[name])
-        server.plug(lab.emulators.lines[name])
-    entry = ended(daemon, job)
+    lines = lab.emulators.lines
+    flap = lambda name: lambda: lab.emulators.server.flap(lines[name])
+    done = in_a_move(lab, *((at, flap(name)) for at, name in zip(AT, ("stage", "photodiode", "stage", "light"))))
+    entry = ended(daemon, acquire(daemon, lab, "r"))
+    assert done.is_set(), "not all of them in the run"
     assert entry["code"] == 0, entry
     assert_same(whole, contents(daemon.runs / "r"))
     assert not lab.lit
@@ -92,10 +96,11 @@ def test_plugged_out_in_a_move_and_in_again(lab, daemon, whole):
 def test_killed_in_a_move_while_somebody_watches(lab, daemon, whole):
     watcher = daemon.spawn("watch", stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert watcher.stdout.readline()
+    in_a_move(lab, (AT[1], lambda: os.kill(daemon.process.pid, signal.SIGKILL)))
     acquire(daemon, lab, "r")
-    seen = daemon.measured(10)["job"]["progress"]["measured"]
-    in_a_move(lab)
-    daemon.kill()
+    last = daemon.until_gone()
+    seen = ((last["job"] or {}).get("progress") or {"measured": 0})["measured"]
+    assert daemon.process.wait(60) == -signal.SIGKILL
     _, err = watcher.communicate(timeout=60)
     assert watcher.returncode == 130 and "does not answer" in err and "Traceback" not in err
     before = len(contents(daemon.runs / "r")["id"])
@@ -109,10 +114,8 @@ def test_killed_in_a_move_while_somebody_watches(lab, daemon, whole):
 
 
 def test_terminated_in_a_move(lab, daemon):
+    in_a_move(lab, (AT[0], lambda: os.kill(daemon.process.pid, signal.SIGTERM)))
     acquire(daemon, lab, "r")
-    daemon.measured(5)
-    in_a_move(lab)
-    daemon.process.send_signal(signal.SIGTERM)
     assert daemon.process.wait(60) == 0
     assert not moving(lab) and not lab.lit
 
@@ -126,24 +129,34 @@ def test_another_daemon_on_the_same_ports(lab, daemon):
     assert done.returncode == 2 and "another process drives it (port-" in done.stderr
     done = daemon.gonio("park", "--rig", path)
     assert done.returncode == 2 and "another process" in done.stderr
+    for words in (["check"], ["acquire", "--no-post"]):
+        done = daemon.gonio(*words, lab.material, "--rig", path, "--out", daemon.runs / "r")
+        assert done.returncode == 2 and "another process drives it (port-" in done.stderr
+        assert not (daemon.runs / "r").exists()
 
 
 def test_a_stop_by_request_reaches_the_motors_within_a_few_packets(tmp_path):
-    """As slow as life: counted in packets, which no busy machine can stretch."""
-    lab = Lab(tmp_path, speed=60.0)
+    """Once on their way the servos' clock stands until the order to stop has come, however late."""
+    lab = Lab(tmp_path)
     daemon = Daemon(lab.yaml, name=NAME)
+    clock, bus = lab.emulators.clock, lab.emulators.bus
+    now = clock.now
+
+    def stand_still():
+        bus.log = log = []
+        at = now()
+        clock.now = lambda: now() if (254, 131) in log else at
+
     try:
-        turn = 40
-        for _ in range(4):
+        for turn in (40, -40, 40, -40):
+            on_the_way = in_a_move(lab, (0, stand_still))
             job = daemon.client.post("/jobs/jog", json={"axis": "turntable", "degrees": turn}).json()["job"]
-            in_a_move(lab)
-            lab.emulators.bus.log = log = []
+            assert on_the_way.wait(60), "nothing ever moves"
             assert daemon.client.post("/stop").json() == {"done": True}
-            lab.emulators.bus.log = None
-            assert (254, 131) in log, "the order to stop"
+            assert (254, 131) in bus.log, "the order to stop"
             assert daemon.ended(job)["code"] == 130
             assert not moving(lab)
-            turn = -turn
+            clock.now = now
     finally:
         daemon.close()
         lab.close()

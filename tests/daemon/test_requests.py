@@ -82,8 +82,9 @@ def test_no_truth_outside(served, truth, monkeypatch):
     (runs.parent / "secret.npz").write_bytes(b"not for you")
     (runs / "link.npz").symlink_to(runs.parent / "secret.npz")
     monkeypatch.chdir(runs.parent)
-    answer = client.post("/jobs/acquire", json={"material": {**material(5), "truth": truth}, "run": "r"})
-    assert answer.status_code == 422 and "truth" in answer.json()["detail"]
+    for path in ("/jobs/acquire", "/check"):
+        answer = client.post(path, json={"material": {**material(5), "truth": truth}, "run": "r"})
+        assert answer.status_code == 422 and "truth" in answer.json()["detail"]
     body = {"theta_i_deg": 1, "theta_o_deg": 9, "truth": truth}
     assert client.post("/jobs/measure", json=body).status_code == 422
     assert not (runs / "r").exists()
@@ -176,5 +177,5 @@ def test_no_500(served):
         from hypothesis import given
 
         deterministic(given(case=ok.as_strategy())(check))()
-    assert len(seen) == 10 and 202 in seen["/jobs/park"] | seen["/jobs/measure"] and 422 in seen["/jobs/acquire"]
+    assert len(seen) == 11 and 202 in seen["/jobs/park"] | seen["/jobs/measure"] and 422 in seen["/jobs/acquire"]
     assert sorted(p.name for p in runs.parent.iterdir()) == ["runs"]

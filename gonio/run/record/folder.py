@@ -17,10 +17,17 @@ class StoreError(Exception):
 
 def refuse_folder(folder: Path) -> None:
     """Raises StoreError where a new run cannot be put."""
-    if folder.exists():
-        raise StoreError(
-            f"{folder}: exists already; name a new folder with --out, or go on with `gonio resume {folder}`"
-        )
+    try:
+        if os.path.lexists(folder):
+            raise StoreError(
+                f"{folder}: exists already; name a new folder with --out, or go on with `gonio resume {folder}`"
+            )
+        folder.absolute().stat()  # a name too long, or below a file or a folder that is closed to us
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError) as e:
+        why = getattr(e, "strerror", None) or e
+        raise StoreError(f"{folder}: {why}; name another folder with --out") from None
     above = next(p for p in folder.absolute().parents if p.exists())
     if not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
         raise StoreError(f"{folder}: cannot be made in {above}; name another folder with --out")
