@@ -1,12 +1,13 @@
 """A picture by the rig's own camera, of whatever lies in the sample's place, and the pose it was taken at."""
 
 import csv
+import io
 from pathlib import Path
 
 import numpy as np
 
 from drivers.hdr import NEAR_SATURATION
-from gonio.atomic import beside
+from gonio.atomic import beside, write_text
 from gonio.geometry import Array
 from gonio.rig.errors import CalibrationMissing
 from gonio.rig.staged import StagedRig
@@ -41,10 +42,12 @@ def take_view(rig: StagedRig, picture: Path, poses: Path) -> Array:
         with beside(picture) as part:
             if not cv2.imwrite(str(part), scaled):
                 raise OSError
-        new = not poses.exists()
-        with poses.open("a", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([head] * new + [[picture.name, *(f"{a:.4f}" for a in np.degrees(pose))]])
-    except (OSError, cv2.error):
+        before = poses.read_text(encoding="utf-8") if poses.exists() else ""
+        text = io.StringIO()
+        row = [picture.name, *(f"{a:.4f}" for a in np.degrees(pose))]
+        csv.writer(text, lineterminator="\n").writerows([row] if before.strip() else [head, row])
+        write_text(poses, before + "\n" * (before != "" and before[-1] != "\n") + text.getvalue())
+    except (OSError, UnicodeDecodeError, cv2.error):
         raise CalibrationMissing(
             f"{picture}, {poses}: cannot be written; name a .png in a folder that exists"
         ) from None

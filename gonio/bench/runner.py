@@ -8,6 +8,7 @@ from pathlib import Path
 
 import yaml
 
+from gonio.atomic import write_text
 from gonio.config import ConfigError, load_config
 
 # each module has `Config` (a Section with a field `study`) and `run(config, out, say)`
@@ -43,13 +44,16 @@ def run_study(path: Path, overrides: list[str], out: Path | None, say: Callable[
     module = import_module(STUDIES[kind])
     config = load_config(path, module.Config, overrides)
     out = out or Path("runs") / "bench" / f"{path.stem}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}"
-    out.mkdir(parents=True, exist_ok=True)
-    with open(out / "table.txt", "w") as table:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as e:
+        raise ConfigError(f"{out}: {e.strerror}; name another folder with --out") from None
+    table: list[str] = []
 
-        def both(line: str) -> None:
-            say(line)
-            table.write(line + "\n")
-            table.flush()
+    def both(line: str) -> None:
+        say(line)
+        table.append(line)
+        write_text(out / "table.txt", "\n".join([*table, ""]))  # so far, and whole at every moment
 
-        module.run(config, out, both)
+    module.run(config, out, both)
     return out

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize, nnls
 
+from gonio.atomic import write_text
 from gonio.brdf import Ggx, RglBrdf
 from gonio.brdf.models.fitted import SPLINES, FittedBrdf, basis
 from gonio.evaluate import evaluate
@@ -115,7 +116,7 @@ def main(folder: str) -> None:
     for name, about in MATERIALS.items():
         table = RglBrdf.from_file(Path(folder) / f"{name}_rgb.bsdf")
         brdf = fit(table)
-        (here / f"{name}.yaml").write_text(text(name, about, brdf, table))
+        write_text(here / f"{name}.yaml", text(name, about, brdf, table))
         print(name, *(f"{k} {v:.3f}" for k, v in evaluate(brdf, table).items()))
 
 

@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from gonio.atomic import write_text
 from gonio.bench.accuracy.reconstruction import Noise, noisy
 from gonio.bench.drive import drive, truth_of
 from gonio.config.loader import Section
@@ -45,7 +46,7 @@ def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
                     row.append(evaluate(reconstruct(s[:n]), truth)["energy_mean"])
             errors[n].append(row)
             say(f"{material[-21:]:22}{n:7}" + "".join(f"{e:18.4f}" for e in row))
-        (out / "errors.json").write_text(json.dumps({"variants": list(variants), "errors": errors}))
+        write_text(out / "errors.json", json.dumps({"variants": list(variants), "errors": errors}))
     for n in config.measurements:
         say(f"{'mean':22}{n:7}" + "".join(f"{e:18.4f}" for e in np.mean(errors[n], 0)))
 

@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from gonio.atomic import beside
 from gonio.bench.drive import drive, truth_of
 from gonio.config.loader import Section
 from gonio.evaluate import evaluate
@@ -47,7 +48,8 @@ def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
         say(f"{column.title:32} energy_mean {error:.3f}  PSNR {quality:.1f} dB")
         _show(axis, image, f"{column.title}\nenergy error {error:.3f}, {quality:.0f} dB")
     path = out / f"{config.material}.png"
-    figure.savefig(path, dpi=110)
+    with beside(path) as part:
+        figure.savefig(part, dpi=110)
     say(f"picture {path}")
 
 

@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
+from gonio.atomic import beside, write_text
 from gonio.bench.drive import drive, truth_of
 from gonio.brdf import Brdf
 from gonio.config.loader import Section
@@ -75,7 +76,7 @@ def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
                     }
                     rows.append(row)
                     say(_line(rows[-1]))
-        (out / "rows.json").write_text(json.dumps(rows, indent=1))
+        write_text(out / "rows.json", json.dumps(rows, indent=1))
     _summary(config, rows, say)
     _plot(config, rows, out)
 
@@ -176,4 +177,5 @@ def _plot(config: Config, rows: list[dict], out: Path) -> None:
     panels[0].set_ylabel("energy error")
     panels[1].set_ylabel("CPU seconds")
     panels[0].legend(fontsize="small")
-    figure.savefig(out / "error.png", dpi=150)
+    with beside(out / "error.png") as part:
+        figure.savefig(part, dpi=150)

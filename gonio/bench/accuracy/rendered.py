@@ -14,6 +14,7 @@ from typing import Literal
 
 import numpy as np
 
+from gonio.atomic import write_text
 from gonio.bench.accuracy.reconstruction import Noise, noisy
 from gonio.bench.drive import drive, truth_of
 from gonio.brdf import Brdf
@@ -56,7 +57,7 @@ def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
                 values += [noise_free_psnr(images, reference, e) for e in (1.0, exposure(reference))]
             rows.append({"material": material, "model": model, "psnr": values})
             say(f"{material:22}{model:8}" + "{:8.1f}{:9.1f}{:8.1f}{:9.1f}".format(*values))
-        (out / "rows.json").write_text(json.dumps(rows, indent=1))
+        write_text(out / "rows.json", json.dumps(rows, indent=1))
     for model in config.models:
         table = np.array([r["psnr"] for r in rows if r["model"] == model])
         for word, values, goal in zip(("mean", "worst"), (table.mean(0), table.min(0)), config.goal):

@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from gonio.atomic import beside
 from gonio.bench.drive import Driven, drive, truth_of
 from gonio.brdf import Brdf
 from gonio.config.loader import Section
@@ -127,4 +128,5 @@ def plot(curves: dict[str, dict], path: Path) -> None:
         axis.set_xlabel("measurements")
     figure.axes[0].set_ylabel("estimate / truth")
     figure.axes[-1].legend(fontsize=7)
-    figure.savefig(path, dpi=110)
+    with beside(path) as part:
+        figure.savefig(part, dpi=110)

@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from gonio.atomic import replacing
 from gonio.bench.drive import truth_of
 from gonio.brdf import Brdf
 from gonio.brdf.models.lambert import Lambert
@@ -105,7 +106,8 @@ def shape(config: Config, code: int) -> Shape:
 def save(path: Path, arrays: dict[str, Array]) -> None:
     """Weights as float16: what ships is what was rounded."""
     small = {k: (v.astype(np.float16) if k.startswith("weight.") else v) for k, v in arrays.items()}
-    np.savez_compressed(path, allow_pickle=False, **small)
+    with replacing(path) as stream:
+        np.savez_compressed(stream, allow_pickle=False, **small)
 
 
 def pool(brdf: Brdf, config: Config, rng: np.random.Generator) -> Array:

@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from gonio.atomic import write_text
 from gonio.bench.accuracy.reconstruction import Noise, noisy
 from gonio.bench.drive import truth_of
 from gonio.brdf import Beckmann, Brdf, Ggx, Lambert, Mixture
@@ -60,7 +61,7 @@ def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
         if errors:
             say(f"{name:28}" + "".join(f"{n:8}: {e:.4f}" for n, e in zip(config.brushed, errors)))
         rows.append({"brushed": name, "energy": errors})
-    (out / "rows.json").write_text(json.dumps(rows, indent=1))
+    write_text(out / "rows.json", json.dumps(rows, indent=1))
 
 
 def _size(config: Config, n: int, say: Callable[[str], None]) -> dict:
