@@ -9,7 +9,14 @@ from gonio.geometry import from_angles, reflect, to_half_diff
 from gonio.reconstruct import reconstruct
 from gonio.reconstruct.splines.grain import Grain
 from gonio.reconstruct.splines.isotropic import Isotropic
-from gonio.reconstruct.splines.patches import Patches, left_out
+from gonio.reconstruct.splines.patches import (
+    Patches,
+    amplitude,
+    correlation,
+    left_out_with_variance,
+    relative_variance,
+)
+from gonio.reconstruct.splines.posterior import Posterior, width
 from gonio.reconstruct.splines.residual import LogRatio
 from gonio.reconstruct.splines.robust_base import Angles, RobustBase, dictionary
 from gonio.reconstruct.tables.half_grid import HalfGrid
@@ -50,14 +57,27 @@ def test_log_ratio_round_trip():
     assert np.allclose(slope[inside], ratio.slope(g, b)[inside], rtol=1e-3)
 
 
-def test_patches_pass_through_exact_data_and_follow_a_plane():
+def test_patches_pass_through_exact_data_and_follow_a_slope():
     x = RNG.random((600, 3))
     y = np.stack([x @ [1.0, -2.0, 0.5], np.sin(3 * x[:, 0])], 1)
     p = Patches(x, y, np.zeros(600))
     q = RNG.uniform(0.2, 0.8, (300, 3))
-    assert np.abs(p(q)[:, 0] - q @ [1.0, -2.0, 0.5]).max() < 2e-3
+    assert np.abs(p(q)[:, 0] - q @ [1.0, -2.0, 0.5]).max() < 0.03
     assert np.abs(p(q)[:, 1] - np.sin(3 * q[:, 0])).max() < 0.05
     assert np.abs(p(x) - y).max() < 0.02
+
+
+def test_far_from_all_data_the_base_is_what_is_said_and_nothing_is_known():
+    x, y, none = RNG.random((400, 5)), RNG.standard_normal((400, 3)), np.zeros(400)
+    far = x[:50] + 40
+    assert np.abs(Patches(x, y, none)(far)).max() < 1e-6
+    assert relative_variance(x, y, none, far).min() > 0.999
+    assert relative_variance(x, y, none, x[:50]).max() < 0.01
+
+
+def test_the_correlation_is_the_one_it_is_called():
+    d = np.linspace(0, 9, 200)
+    assert np.allclose(correlation(d**2), np.exp(-((d / 2.0) ** 1.5)), rtol=1e-12)
 
 
 def test_patches_average_noise():
@@ -68,23 +88,38 @@ def test_patches_average_noise():
     assert told(q).std() < 0.5 * untold(q).std()
 
 
-def test_left_out_is_what_the_spline_without_the_sample_says():
-    x = RNG.random((35, 3))
+def test_left_out_is_what_is_said_without_the_sample():
+    """Against the textbook: the sample's row and column struck out, the system solved anew."""
+    x = 3 * RNG.random((35, 3))
     y = np.cos(2 * x[:, :1]) + x[:, 1:2]
-    said = left_out(x, y, np.zeros(35), np.arange(35), neighbours=35)
-    from gonio.reconstruct.splines import patches
-
+    noise = RNG.uniform(0, 0.01, 35)
+    said, relative = left_out_with_variance(x, y, noise, np.arange(35), neighbours=35)
+    square = ((x[:, None] - x[None]) ** 2).sum(-1)
+    covariance = np.exp(-((np.sqrt(square) / 2.0) ** 1.5))
+    system = covariance + np.diag(1e-3 + noise / amplitude(y, noise))
     for k in (0, 17, 34):
         rest = np.arange(35) != k
-        # the same patch (centre, scale and nugget of all 35), the row and column of the sample struck out
-        distance = np.linalg.norm(x - x[k], axis=1)
-        order = np.argsort(distance)
-        a, rhs = patches._system(x, y, np.zeros(35), x[[k]], order[None], np.array([distance.max()]))
-        row = -a[0, 0, 1:]
-        row[:34] = a[0, 0, 1:35]
-        coefficients = np.linalg.solve(a[0, 1:, 1:], rhs[0, 1:])
-        assert np.allclose(a[0, 0, 1:] @ coefficients, said[k], atol=1e-8)
-        assert rest.sum() == 34
+        weights = np.linalg.solve(system[rest][:, rest], covariance[rest, k])
+        assert np.allclose(weights @ y[rest], said[k], atol=1e-8)
+        assert np.isclose(1 - weights @ covariance[rest, k], relative[k], atol=1e-3 + 1e-9)
+
+
+def test_intervals_hold_of_what_the_process_is():
+    """Draws of the very process: as many truths lie inside as the level says; half the intervals hold fewer."""
+    rng = np.random.default_rng(5)
+    x = 12 * rng.random((900, 3))
+    square = ((x[:, None] - x[None]) ** 2).sum(-1)
+    root = np.linalg.cholesky(np.exp(-((np.sqrt(square) / 2.0) ** 1.5)) + 1e-9 * np.eye(900))
+    y = 0.3 * root @ rng.standard_normal((900, 3))
+    known, hidden, none = np.arange(500), np.arange(500, 900), np.zeros(500)
+    said, relative = left_out_with_variance(x[known], y[known], none, known)
+    p = Posterior.of(x[known], y[known], none, known, said, relative, np.ones(500))
+    gap = np.abs(Patches(x[known], y[known], none)(x[hidden]) - y[hidden])
+    sd = p.sd(x[hidden])
+    for level in (0.68, 0.9, 0.95, 0.99):
+        inside = (gap <= width(p.widths / p.widths[0], level) * sd).mean()
+        assert abs(inside - level) < 0.06, level
+    assert (gap <= 0.5 * sd).mean() < 0.5
 
 
 def test_lookup_follows_a_cubic_and_wraps():

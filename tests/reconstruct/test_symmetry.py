@@ -50,6 +50,7 @@ def test_corrected_it_is_nearly_as_good_as_in_its_place():
 def test_uncorrected_it_would_be_wrong_and_the_estimate_says_so(monkeypatch):
     """Negative control, and the other half: a contradiction that no angle explains is in the estimate."""
     monkeypatch.setattr(symmetry, "GAIN", 0.0)
+    monkeypatch.setattr(symmetry, "SURELY", 0.0)
     got = reconstruct(read(GLOSSY, Alignment(0, 0, 4.0)))
     error = energy_error(got, GLOSSY)
     assert error > 0.05
@@ -82,6 +83,17 @@ def test_a_cosine_is_divided_out_anew_where_that_explains_the_data():
 def test_a_grain_that_was_called_isotropic_shows():
     found = asked(samples(BRUSHED, 1500))
     assert found.turned > 0.2
+
+
+def test_readings_in_one_plane_say_nothing_of_a_tilt_out_of_it():
+    """They cannot contradict each other: no angle is to be found in their noise."""
+    rng = np.random.default_rng(1)
+    turn, low = rng.uniform(-80, 80, 800), rng.uniform(0, 80, 800)
+    wi = from_angles(np.radians(low), np.zeros(800))
+    wo = from_angles(np.radians(np.abs(turn)), np.where(turn > 0, 0, np.pi))
+    f = GLOSSY.eval(wi, wo) * (1 + 0.02 * rng.standard_normal((800, 1)))
+    found = asked(Samples.of(wi, wo, f, 0.02 * f))
+    assert not found.corrected or found.ratio < symmetry.SURELY
 
 
 def test_alignment_is_a_rotation_to_first_order():

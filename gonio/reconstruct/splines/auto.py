@@ -1,7 +1,8 @@
-"""The default reconstruction: a robust base, and the log ratio to it interpolated by overlapping thin-plate splines.
+"""The default reconstruction: a robust base, and the log ratio to it predicted by local Gaussian processes.
 
-samples -> clean -> base (lobes, log loss) -> log ratio -> coordinates chosen by held-out energy error -> splines
--> table. Every choice is made by predicting samples from their neighbours; nothing is tuned to a material.
+samples -> clean -> base (lobes, log loss) -> log ratio -> coordinates chosen by held-out energy error -> patches
+-> table, and its standard deviation. Every choice is made by predicting samples from their neighbours; nothing is tuned
+to a material.
 """
 
 from collections.abc import Callable
@@ -14,16 +15,17 @@ from gonio.reconstruct.clean import clean
 from gonio.reconstruct.errors import ReconstructionError
 from gonio.reconstruct.samples import Samples
 from gonio.reconstruct.splines import symmetry
+from gonio.reconstruct.splines.expected_error import MEAN_OVER_68, expected_error
 from gonio.reconstruct.splines.frame import Coordinates, Frame, PairAngles
 from gonio.reconstruct.splines.grain import Grain
-from gonio.reconstruct.splines.held_out import EnergyError
+from gonio.reconstruct.splines.held_out import EnergyError, solid_angles
 from gonio.reconstruct.splines.isotropic import Isotropic
 from gonio.reconstruct.splines.outliers import outliers
-from gonio.reconstruct.splines.patches import Patches, left_out
+from gonio.reconstruct.splines.patches import Patches, left_out, left_out_with_variance
+from gonio.reconstruct.splines.posterior import WIDTHS, Posterior, width
 from gonio.reconstruct.splines.reciprocity import holds, mirrored
 from gonio.reconstruct.splines.residual import LogRatio
 from gonio.reconstruct.splines.robust_base import RobustBase
-from gonio.reconstruct.splines.spread import Spread
 from gonio.reconstruct.splines.symmetry import Alignment
 from gonio.reconstruct.tables.lookup import Lookup
 from gonio.reconstruct.tables.tabulate import TabulatedBrdf
@@ -31,19 +33,24 @@ from gonio.reconstruct.tables.tabulate import TabulatedBrdf
 TESTED = 600
 CHOOSING = 30_000
 LOOKED_AT = 3000
+LIFTED = 0.3  # sd: where less is known than that, the median has the smaller error
+TRUSTED = (0.4, 4.0)  # how far held-out samples may scale what the posterior expects
 
 
 class AutoBrdf:
-    """The BRDF of `fit`, tabulated. Beyond `Brdf`: `std`, `energy_error_estimate`, and `notes` on how it was made.
+    """The BRDF of `fit`, tabulated. Beyond `Brdf`: `std`, `interval`, `energy_error_estimate`, and `notes`.
 
     energy_error_estimate: the share of the reflected energy expected in the wrong place or amount, mean over theta_i
-    and channels (the referee's energy_mean), from held-out samples alone.
+    and channels (the referee's energy_mean): over the whole domain, from the posterior; no truth is needed.
+    notes: how it was made.
     """
 
     kind = "auto"
 
-    def __init__(self, table: TabulatedBrdf, spread: Lookup, energy_error_estimate: float, notes: dict[str, float]):
-        self.table, self.spread, self.notes = table, spread, notes
+    def __init__(
+        self, table: TabulatedBrdf, spread: Lookup, widths: Array, energy_error_estimate: float, notes: dict[str, float]
+    ):
+        self.table, self.spread, self.widths, self.notes = table, spread, widths, notes
         self.energy_error_estimate = energy_error_estimate
         self.eval, self.sample, self.pdf = table.eval, table.sample, table.pdf
 
@@ -52,16 +59,29 @@ class AutoBrdf:
         return self.table.channels
 
     def std(self, wi: Array, wo: Array) -> Array:
-        """Standard deviation of `eval` in 1/sr, (N, C): 68 % of true values lie within one. 0 below the horizon."""
+        """Standard deviation of `eval` in 1/sr, (N, C): half the width of the interval of 68 %. 0 below the horizon."""
+        low, high = self.interval(wi, wo, 0.6827)
+        return 0.5 * (high - low)
+
+    def interval(self, wi: Array, wo: Array, level: float) -> tuple[Array, Array]:
+        """(low, high), (N, C) each, in 1/sr, between which the true f lies with probability `level`, in (0, 1).
+
+        Both are 0 below the horizon. Raises ValueError for another level.
+        """
+        if not 0 < level < 1:
+            raise ValueError(f"level must lie between 0 and 1, not {level}")
         wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
-        out = np.zeros((len(wi), self.channels))
+        low, high = np.zeros((2, len(wi), self.channels))
         up = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         if up.any():
             a = self.table.frame.angles(wi[up], wo[up])
-            base, ratio = self.table.base(a), self.table.ratio
-            g = ratio.inverse(self.table.table(self.table.chart(a)), base)
-            out[up] = self.spread(self.table.chart(a)) * ratio.slope(g, base) / a.cos_o[:, None]
-        return out
+            at, ratio, base = self.table.chart(a), self.table.ratio, self.table.base(a)
+            sd = self.spread(at)
+            middle, half = self.table.table(at) - lift(sd), width(self.widths, level) * sd
+            cos_o = a.cos_o[:, None]
+            low[up] = ratio.inverse(middle - half, base) / cos_o
+            high[up] = ratio.inverse(middle + half, base) / cos_o
+        return low, high
 
     @property
     def alignment(self) -> Alignment:
@@ -72,6 +92,7 @@ class AutoBrdf:
     def to_arrays(self) -> dict[str, Array]:
         notes = {f"note.{k}": np.array(v, float) for k, v in self.notes.items()}
         own = {"spread": self.spread.values, "energy_error_estimate": np.array(self.energy_error_estimate)}
+        own["widths"] = np.asarray(self.widths)
         return self.table.to_arrays() | own | notes
 
     @classmethod
@@ -79,7 +100,7 @@ class AutoBrdf:
         notes = {k[5:]: float(v) for k, v in d.items() if k.startswith("note.")}
         table = TabulatedBrdf.from_arrays(d)
         spread = Lookup(d["spread"], table.chart.periodic, (1,) * len(table.chart.periodic))
-        return cls(table, spread, float(d["energy_error_estimate"]), notes)
+        return cls(table, spread, d.get("widths", WIDTHS), float(d["energy_error_estimate"]), notes)
 
 
 @dataclass(frozen=True)
@@ -102,7 +123,7 @@ class Problem:
         a = frame.angles(s.wi, s.wo)
         g, sigma = s.f * a.cos_o[:, None], s.sigma * a.cos_o[:, None]
         ratio = LogRatio.of(g, sigma)
-        base = RobustBase.fit(a, g, ratio.floor, rng)
+        base = RobustBase.fit(a, g, ratio.floor, rng, sigma)
         b = base(a)
         return cls(s, frame, a, g, sigma, ratio, base, b, ratio.forward(g, b), ratio.variance(g, sigma, b))
 
@@ -116,8 +137,8 @@ class Problem:
 class Splines:
     """What is tabulated: log_ratio(angles) -> (N, C) to the base, and its standard deviation as a table over the chart.
 
-    t0 in radians; error, notes: as `AutoBrdf` has them; seen(said) -> the energy error of a log ratio `said` that is
-    asked at the samples themselves.
+    t0 in radians; widths, notes: as `AutoBrdf` has them. held_out: the energy error at samples predicted from the
+    others, and what the posterior expects there; seen(said) -> that of a log ratio `said` at the samples themselves.
     """
 
     frame: Frame
@@ -126,7 +147,9 @@ class Splines:
     t0: float
     log_ratio: Callable[[PairAngles], Array]
     spread: Lookup
-    error: float
+    widths: Array
+    held_out: tuple[float, float]
+    contradiction: float
     seen: Callable[[Callable[[PairAngles], Array]], float]
     notes: dict[str, float]
 
@@ -135,9 +158,14 @@ def fit(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Aut
     """Raises ReconstructionError for samples too few or too poor."""
     s = splines(samples, anisotropic=anisotropic, rng=rng)
     table = TabulatedBrdf.of(s.frame, s.base, s.ratio, s.t0, s.log_ratio)
-    # what is delivered is the table: where it smooths away what the splines follow, that is an error too
-    error = max(s.error, s.seen(lambda a: table.table(table.chart(a))))
-    return AutoBrdf(table, s.spread, error, s.notes)
+    made = AutoBrdf(table, s.spread, s.widths, 0.0, s.notes)
+    found, expected = s.held_out
+    # what is delivered is the table: where it smooths away what the patches follow, that is an error too
+    missed = s.seen(lambda a: table.table(table.chart(a)))
+    scale = float(np.clip(max(found, missed) / max(expected, 1e-12), *TRUSTED))
+    whole = scale * expected_error(made.eval, lambda wi, wo: made.interval(wi, wo, 0.6827))
+    made.energy_error_estimate = float(np.hypot(whole, s.contradiction))
+    return made
 
 
 def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) -> Splines:
@@ -169,17 +197,21 @@ def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) ->
         x, y, variance = with_bounds(p, stretch, bounds, x, y, variance)
     patches = Patches(x, y, variance)
     looked = rng.permutation(len(s))[:LOOKED_AT]
-    said = left_out(x, y, variance, looked)
+    said, relative = left_out_with_variance(x, y, variance, looked)
+    v = solid_angles(stretch, p.angles, looked)
+    posterior = Posterior.of(x, y, variance, looked, said, relative, v)
     energy_error = EnergyError(p.angles, p.g, p.sigma, stretch, looked)
-    error = energy_error(p.ratio.inverse(said, p.b[looked]))
+    b = p.b[looked]
+    half = posterior.held_out_sd(relative)
+    spans = p.ratio.inverse(said + half, b) - p.ratio.inverse(said - half, b)
+    held_out = energy_error(p.ratio.inverse(said, b)), energy_error.of_errors(MEAN_OVER_68 * 0.5 * spans)
     chart = frame.chart(stretch.t0)
-    spread = Spread(x[looked], said - y[looked], variance[looked])
     nodes, _ = chart.nodes(chart.spread)
-    known = Lookup(spread(stretch(nodes)).reshape(*chart.spread, -1), chart.periodic, (1,) * len(chart.periodic))
+    sd = posterior.sd(stretch(nodes))
+    known = Lookup(sd.reshape(*chart.spread, -1), chart.periodic, (1,) * len(chart.periodic))
 
     def mean_log_ratio(a: PairAngles) -> Array:
-        """Splines in the logarithm predict the median; the mean of a lognormal lies sd^2 / 2 above it."""
-        return patches(stretch(a)) + np.minimum(known(chart(a)), 1) ** 2 / 2
+        return patches(stretch(a)) + lift(known(chart(a)))
 
     notes = {
         "samples": len(s),
@@ -193,12 +225,20 @@ def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) ->
     }
     if mirror is not None:
         notes |= mirror.notes()
-        error = float(np.hypot(error, mirror.left))
 
     def seen(log_ratio: Callable[[PairAngles], Array]) -> float:
         return energy_error(p.ratio.inverse(log_ratio(p.angles.at(looked)), p.b[looked]))
 
-    return Splines(frame, p.base, p.ratio, stretch.t0, mean_log_ratio, known, error, seen, notes)
+    contradiction = 0.0 if mirror is None else mirror.left
+    widths = posterior.widths / posterior.widths[0]
+    return Splines(
+        frame, p.base, p.ratio, stretch.t0, mean_log_ratio, known, widths, held_out, contradiction, seen, notes
+    )
+
+
+def lift(sd: Array) -> Array:
+    """The logarithm's prediction is a median; the mean of a lognormal lies sd^2 / 2 above it."""
+    return np.minimum(sd, LIFTED) ** 2 / 2
 
 
 def chosen_stretch(p: Problem, rng: np.random.Generator) -> Coordinates:

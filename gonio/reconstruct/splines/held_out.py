@@ -29,6 +29,10 @@ class EnergyError:
         error = float((np.abs(said - self._g) * self._weight).sum())
         return float(np.sqrt(max(error**2 - self._noise**2, (0.2 * error) ** 2)))
 
+    def of_errors(self, errors: Array) -> float:
+        """The energy error of samples that are wrong by `errors` (len(test), C), no noise in them."""
+        return float((errors * self._weight).sum())
+
 
 def solid_angles(stretch: Coordinates, a: PairAngles, test) -> Array:
     """V of the samples `test`, up to a factor."""

@@ -1,11 +1,15 @@
-"""Scattered data interpolated smoothly by many small thin-plate splines that overlap (partition of unity).
+"""Scattered data predicted by many small Gaussian processes that overlap: local kriging, blended.
 
-Around each of P centres the K nearest samples carry one spline, y(x) = sum_k c_k (-|x - x_k|) + a + b.x with nugget:
-the biharmonic kernel of three dimensions, the interpolant of least bending energy (Duchon 1977; Wendland 2004, ch. 8
-and 15.4 for the blend). A query is the weighted mean of its nearest patches, weights falling to 0 at the first patch
-left out, so that the result is continuous. Cost O(N log N): P ~ N/6 systems of fixed size, 3 channels = 3 right-hand
-sides. The nugget of a sample is its noise variance over the patch's own variance, so that exact data are followed and
-noisy ones averaged.
+y is taken for a stationary process of mean 0 (the base) and covariance A exp(-(d / L)^1.5), d the distance in the
+stretched coordinates, L = LENGTH the same for all materials since the coordinates are what is fitted to each, A from
+the data around (Rasmussen & Williams 2006, ch. 2 and 4.2; Cressie 1993, ch. 3). Around each of P centres the K nearest
+samples make one predictor,
+
+    y(q) = k(q)' c,   c = (R + diag(noise / A) + nugget)^-1 y
+
+A query is the weighted mean of its nearest patches, weights falling to 0 at the first patch left out (partition of
+unity, Wendland 2004, 15.4), so that the result is continuous. Far from all data the prediction is the base, and
+`relative_variance` says by how much the data around narrow what was known without them, from 1 (not at all) to 0.
 """
 
 import numpy as np
@@ -13,34 +17,31 @@ from scipy.spatial import cKDTree
 
 from gonio.geometry import Array
 
+LENGTH, POWER = 2.0, 1.5
+NUGGET = 1e-3
 BLEND = 3
-BEYOND = 1 / 3
 MOST = 60_000
+CHUNK = 2000
 
 
 class Patches:
     """y(x) for x (M, d): built from X (N, d), y (N, C) and the noise variance of y, (N,)."""
 
     def __init__(self, x: Array, y: Array, variance: Array, neighbours: int = 50, per_centre: float = 6.0):
-        n, d = x.shape
+        n = len(x)
         k = min(neighbours, n)
         centres = min(n, max(8, int(np.ceil(n / per_centre))), MOST)
         # every so many-th sample in a space-filling order: centres as dense as the data, without clumps
-        order = _bisection_order(x)
-        pick = order[(np.arange(centres) * n) // centres]
+        pick = _bisection_order(x)[(np.arange(centres) * n) // centres]
         self.centres = x[pick]
         self._tree = cKDTree(self.centres)
-        distance, self._members = cKDTree(x).query(self.centres, k)
-        self.scale = np.maximum(distance[:, -1], 1e-9)
+        _, self._members = cKDTree(x).query(self.centres, k)
+        self._members = self._members.reshape(centres, k)
         self._x = x
-        self.coefficients = np.empty((centres, k + d + 1, y.shape[1]))
-        for part in _chunks(centres, 2000):
-            a, rhs = _system(x, y, variance, self.centres[part], self._members[part], self.scale[part])
-            self.coefficients[part] = np.linalg.solve(a, rhs)
-        # beyond the data the linear part would run away: no patch says more than its samples and a third of their range
-        lowest, highest = y[self._members].min(1), y[self._members].max(1)
-        self._lowest = lowest - BEYOND * (highest - lowest)
-        self._highest = highest + BEYOND * (highest - lowest)
+        self.coefficients = np.empty((centres, k, y.shape[1]), np.float32)
+        for part in _chunks(centres):
+            members = self._members[part]
+            self.coefficients[part] = np.linalg.solve(_system(x, y, variance, members), y[members])
 
     def __call__(self, q: Array) -> Array:
         """(M, C). Patch by patch, each for all queries that it has a say in: few large products, not many small."""
@@ -51,62 +52,83 @@ class Patches:
         weight = (weight / weight.sum(1, keepdims=True)).ravel()
         order = np.argsort(patch[:, :-1].ravel(), kind="stable")
         used, start = np.unique(patch[:, :-1].ravel()[order], return_index=True)
-        k = self._members.shape[1]
         said = np.empty((len(order), self.coefficients.shape[2]))
         for p, mine in zip(used, np.split(order, start[1:])):
-            # float32 is enough once centre and scale are out: 1e-6 of a patch's own variation
-            z = ((q[mine // blend] - self.centres[p]) / self.scale[p]).astype(np.float32)
-            x = ((self._x[self._members[p]] - self.centres[p]) / self.scale[p]).astype(np.float32)
+            # float32 is enough once the centre is out: 1e-6 of a patch's own variation
+            z = (q[mine // blend] - self.centres[p]).astype(np.float32)
+            x = (self._x[self._members[p]] - self.centres[p]).astype(np.float32)
             square = (-2 * z) @ x.T
             square += np.einsum("nd,nd->n", z, z)[:, None]
             square += np.einsum("nd,nd->n", x, x)
-            np.sqrt(np.maximum(square, 0, out=square), out=square)
-            c = self.coefficients[p]
-            value = c[k] + z @ c[k + 1 :] - square @ c[:k].astype(np.float32)
-            said[mine] = np.minimum(np.maximum(value, self._lowest[p]), self._highest[p])
+            said[mine] = correlation(np.maximum(square, 0, out=square)) @ self.coefficients[p]
         return (said * weight[:, None]).reshape(len(q), blend, -1).sum(1)
 
 
+def correlation(square: Array) -> Array:
+    """exp(-(d / LENGTH)^POWER) of squared distances, written over them: d^1.5 by two square roots."""
+    square *= np.asarray(1 / LENGTH**2, square.dtype)
+    root = np.sqrt(np.sqrt(square))
+    root *= root * root
+    return np.exp(np.negative(root, out=root), out=root)
+
+
 def left_out(x: Array, y: Array, variance: Array, at: Array, neighbours: int = 40) -> Array:
-    """What the local spline says at samples `at` (indices) without them, (len(at), C): Rippa's formula (1999)."""
-    k = min(neighbours, len(x))
-    out = np.empty((len(at), y.shape[1]))
+    """What the local predictor says at samples `at` (indices) without them, (len(at), C)."""
+    return left_out_with_variance(x, y, variance, at, neighbours)[0]
+
+
+def left_out_with_variance(
+    x: Array, y: Array, variance: Array, at: Array, neighbours: int = 40, without: int = 0
+) -> tuple[Array, Array]:
+    """The same, and its relative variance (len(at),), the sample's own noise not in it: both from one inverse, by the
+    formulas of leave-one-out (Rasmussen & Williams 2006, 5.4.2). without: so many of the nearest are left out besides.
+    """
+    k = min(neighbours + without, len(x))
+    without = min(without, k - 2)
+    out, relative = np.empty((len(at), y.shape[1])), np.empty(len(at))
     tree = cKDTree(x)
-    for part in _chunks(len(at), 2000):
+    for part in _chunks(len(at)):
         i = at[part]
-        distance, members = tree.query(x[i], k)
-        members = _self_first(members, i)
-        scale = np.maximum(distance[:, -1], 1e-9)
-        a, rhs = _system(x, y, variance, x[i], members, scale)
+        _, members = tree.query(x[i], k)
+        members = _self_first(members.reshape(len(i), k), i)
+        members = np.delete(members, np.arange(1, 1 + without), axis=1)
+        a = _system(x, y, variance, members)
+        own = a[:, 0, 0] - 1  # nugget and noise over A
         unit = np.zeros((*a.shape[:2], 1))
         unit[:, 0] = 1
         inverse = np.linalg.solve(a, unit)[..., 0]  # a is symmetric: its inverse's first row
-        out[part] = y[i] - np.einsum("nk,nkc->nc", inverse, rhs) / inverse[:, :1]
-    return out
+        out[part] = y[i] - np.einsum("nk,nkc->nc", inverse, y[members]) / inverse[:, :1]
+        relative[part] = np.clip(1 / inverse[:, 0] - own, NUGGET, 1)
+    return out, relative
 
 
-def _system(x: Array, y: Array, variance: Array, centre: Array, members, scale: Array) -> tuple[Array, Array]:
-    p, k = members.shape
-    z = (x[members] - centre[:, None]) / scale[:, None, None]
-    d = z.shape[2]
+def relative_variance(x: Array, y: Array, variance: Array, q: Array, neighbours: int = 30) -> Array:
+    """Of the prediction at q (M, d) from samples x, over what is known without them, (M,): NUGGET to 1."""
+    k = min(neighbours, len(x))
+    tree, out = cKDTree(x), np.empty(len(q))
+    for part in _chunks(len(q)):
+        distance, members = tree.query(q[part], k)
+        members = members.reshape(-1, k)
+        towards = correlation(distance.reshape(-1, k) ** 2)
+        solved = np.linalg.solve(_system(x, y, variance, members), towards[..., None])[..., 0]
+        out[part] = 1 - np.einsum("nk,nk->n", towards, solved)
+    return np.clip(out, NUGGET, 1)
+
+
+def amplitude(y: Array, variance: Array) -> Array:
+    """A of the samples of one or many neighbourhoods, y (..., K, C), variance (..., K): their mean square without the
+    noise in it; never so small that noise would be followed."""
+    noise = variance.mean(-1)
+    return np.maximum((y**2).mean((-1, -2)) - noise, 0.05 * noise + 1e-12)
+
+
+def _system(x: Array, y: Array, variance: Array, members) -> Array:
+    z = x[members] - x[members[:, :1]]
     square = (z**2).sum(-1)
-    r = square[:, :, None] + square[:, None] - 2 * z @ z.transpose(0, 2, 1)
-    r = np.sqrt(np.maximum(r, 0))
-    ys = y[members]
-    spread = ((ys - ys.mean(1, keepdims=True)) ** 2).mean((1, 2))
-    noise = variance[members]
-    nugget = 1e-3 + noise / np.maximum(spread - noise.mean(1), 0.05 * noise.mean(1) + 1e-12)[:, None]
-    a = np.zeros((p, k + d + 1, k + d + 1))
-    a[:, :k, :k] = -r
-    diagonal = np.arange(k)
-    a[:, diagonal, diagonal] = nugget
-    tail = np.concatenate([np.ones((p, k, 1)), z], 2)
-    a[:, :k, k:], a[:, k:, :k] = tail, tail.transpose(0, 2, 1)
-    # a ridge on the linear part: neighbours that lie in a plane leave one slope open
-    slope = np.arange(k + 1, k + d + 1)
-    a[:, slope, slope] = -1e-4
-    rhs = np.concatenate([ys, np.zeros((p, d + 1, y.shape[1]))], 1)
-    return a, rhs
+    a = correlation(np.maximum(square[:, :, None] + square[:, None] - 2 * z @ z.transpose(0, 2, 1), 0))
+    diagonal = np.arange(members.shape[1])
+    a[:, diagonal, diagonal] = 1 + NUGGET + variance[members] / amplitude(y[members], variance[members])[:, None]
+    return a
 
 
 def _self_first(members, i):
@@ -126,5 +148,5 @@ def _bisection_order(x: Array) -> np.ndarray:
     return cKDTree(x, leafsize=8).indices
 
 
-def _chunks(n: int, size: int):
-    return [slice(s, min(s + size, n)) for s in range(0, n, size)]
+def _chunks(n: int):
+    return [slice(s, min(s + CHUNK, n)) for s in range(0, n, CHUNK)]

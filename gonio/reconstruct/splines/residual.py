@@ -14,6 +14,7 @@ from gonio.geometry import Array
 
 K = 0.1
 LARGEST = 12.0
+LEAST = 0.1  # of the floor, where noise leads below it
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,8 @@ class LogRatio:
         return cls(np.maximum.reduce([3 * np.median(sigma, 0), floor, np.full_like(floor, 1e-6 * mean.max())]))
 
     def forward(self, g: Array, b: Array) -> Array:
-        return np.log((np.maximum(g, 0) + K * b + self.floor) / ((1 + K) * b + self.floor))
+        # g below 0 counts as what it is: noise cut off at 0 would make a dark sample bright
+        return np.log(np.maximum(g + K * b + self.floor, LEAST * self.floor) / ((1 + K) * b + self.floor))
 
     def inverse(self, y: Array, b: Array) -> Array:
         g = ((1 + K) * b + self.floor) * np.exp(np.clip(y, -LARGEST, LARGEST)) - self.floor - K * b

@@ -17,6 +17,7 @@ from gonio.reconstruct.splines.frame import PairAngles
 ALPHA = np.geomspace(0.002, 0.8, 12)
 MOST = 3000
 SUPPORT = 8
+NOISY = 0.5  # of the median of g: noise above that hides the logarithm
 STEPS = 8192
 _STEP = np.arcsinh(np.pi / 2 / ALPHA[0]) / STEPS
 
@@ -78,10 +79,17 @@ class RobustBase:
         return plain / (4 * cos_d[:, None]) + a.cos_o[:, None] * (w[0] + schlick * w[1]) + w[2] + schlick * w[3]
 
     @classmethod
-    def fit(cls, a: PairAngles, g: Array, floor: Array, rng: np.random.Generator) -> "RobustBase":
-        """floor (C,): what is added inside the logarithm, about the smallest g that matters."""
+    def fit(
+        cls, a: PairAngles, g: Array, floor: Array, rng: np.random.Generator, sigma: Array | None = None
+    ) -> "RobustBase":
+        """floor (C,): what is added inside the logarithm, about the smallest g that matters; sigma (N, C) of g."""
         pick = rng.choice(len(g), MOST, replace=False) if len(g) > MOST else np.arange(len(g))
-        return cls(log_nnls(dictionary(a.at(pick)) * supported(a), g[pick], floor))
+        columns = dictionary(a.at(pick)) * supported(a)
+        weights = log_nnls(columns, g[pick], floor)
+        if sigma is not None:
+            for c in np.flatnonzero(np.median(sigma, 0) > NOISY * np.median(np.abs(g), 0)):
+                weights[:, c] = plain_nnls(columns, g[pick, c], sigma[pick, c])
+        return cls(weights)
 
 
 def log_nnls(columns: Array, g: Array, floor: Array) -> Array:
@@ -106,6 +114,24 @@ def log_nnls(columns: Array, g: Array, floor: Array) -> Array:
             w = np.sqrt(w * exact * energy / (1 + (log / 0.5) ** 2) ** 0.25)
         weights.append(scale * x)
     return np.stack(weights, 1)
+
+
+def plain_nnls(columns: Array, g: Array, sigma: Array) -> Array:
+    """Weights >= 0 (K,) by least squares of g itself (N,), of noise sigma: where noise hides the logarithm.
+
+    Half of the values lie below 0 then, and only with their sign does the mean come out right.
+    """
+    from scipy.optimize import nnls
+
+    unit = np.maximum(columns.max(0), 1e-300)
+    model = np.zeros(len(g))
+    for _ in range(3):
+        w = 1 / np.hypot(sigma, 0.1 * model)
+        # a little of a ridge: what data do not tell apart is shared, not given to one
+        ridge = np.diag(np.full(len(unit), 1.0))
+        x, _ = nnls(np.concatenate([columns / unit * w[:, None], ridge]), np.concatenate([g * w, np.zeros(len(unit))]))
+        model = columns / unit @ x
+    return x / unit
 
 
 def dictionary(a: PairAngles) -> Array:

@@ -18,6 +18,8 @@ from gonio.reconstruct.splines.patches import left_out
 from gonio.reconstruct.splines.robust_base import RobustBase
 
 GAIN = 0.85  # the error with the correction over that without: below this it is taken
+SURELY = 0.6  # the same, where the two sides do not contradict each other: samples in one plane cannot
+SEEN = 0.02  # share of the energy by which sides have to differ to be called different
 CLEARLY = 0.95  # the same, for whether a cosine is to be divided out anew
 TESTED, AMONG = 300, 3000
 PRIOR_DEG = np.array([2.0, 2.0, 5.0])  # how far off a rig may be: what data do not tell stays at 0
@@ -119,10 +121,12 @@ def ask(problem, t0: float, rng: np.random.Generator) -> Symmetry:
     with_cosine = replace(found, cosine=True)
     if (other := view.error(with_cosine)) < CLEARLY * error:
         found, error = with_cosine, other
-    ratio = error / max(alone, 1e-12)
-    if ratio >= GAIN:
-        return Symmetry(none, before, before, view.turning(none), ratio)
-    return Symmetry(found, before, view.asymmetry(found), view.turning(found), ratio)
+    ratio, after = error / max(alone, 1e-12), view.asymmetry(found)
+    contradicted = before > SEEN and after < before
+    if ratio < SURELY or (ratio < GAIN and contradicted):
+        if after <= max(before, SEEN):
+            return Symmetry(found, before, after, view.turning(found), ratio)
+    return Symmetry(none, before, before, view.turning(none), ratio)
 
 
 class _View:
