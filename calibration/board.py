@@ -17,6 +17,8 @@ from gonio.geometry import Array
 Image = NDArray[np.uint8]
 FEWEST_CORNERS = 8
 FLAT = 0.06  # of a square's side: how far off a plane corners of the right board lie, the lens's distortion included
+ON_A_PLANE = 0.3  # share of corners that do at least, however bent the lens
+FEWEST_MARKERS, LOOKED_AT = 4, 3  # in so many views, to be no chance
 CLEARLY = 1.5  # times the corners of the board that was named: what another has to show to be believed
 
 
@@ -39,11 +41,9 @@ class Board:
             raise ValueError(f"board of {self.across} x {self.down}: it has at least 2 x 3 squares")
         if not 0 < self.marker < self.square:
             raise ValueError("board: the markers are smaller than the squares they lie in")
-        from cv2 import aruco
-
         if self.dictionary not in dictionaries():
             raise ValueError(f"dictionary {self.dictionary}: not one of {', '.join(dictionaries())}")
-        held = len(aruco.getPredefinedDictionary(getattr(aruco, self.dictionary)).bytesList)
+        held = _held(self.dictionary)
         if held < self.across * self.down // 2:
             raise ValueError(
                 f"dictionary {self.dictionary}: has {held} markers, {self.across * self.down // 2} are needed"
@@ -106,6 +106,36 @@ def recognised(views: Sequence[Image], board: Board) -> Board:
     flat = {b: sum(flat_corners(c, b) for c in find_corners(views, b)) for b in dict.fromkeys(kinds)}
     best = max(flat, key=lambda b: flat[b])
     return best if flat[best] > CLEARLY * flat[board] else board
+
+
+def contradiction(views: Sequence[Image], board: Board, corners: Sequence[Corners | None]) -> str:
+    """What the views say against the board that they should show, in words; "" for nothing."""
+    found = sum(len(c.on_board) for c in corners if c is not None)
+    squares = f"a board of {board.across} x {board.down} squares, in either pattern and with its sides swapped"
+    advice = "count its squares and name them by --across and --down"
+    if found:
+        flat = sum(flat_corners(c, board) for c in corners)
+        return "" if flat > ON_A_PLANE * found else f"the corners do not lie as on {squares}; {advice}"
+    if _markers(views, board.dictionary) >= FEWEST_MARKERS:
+        return f"markers of {board.dictionary} are seen, but not as on {squares}; {advice}"
+    seen = {name: _markers(views, name) for name in dictionaries()}
+    best = max(seen, key=lambda name: (seen[name], -_held(name)))  # of those that share markers the smallest
+    if seen[best] < FEWEST_MARKERS:
+        return ""  # of nothing that is known
+    return f"no markers of {board.dictionary} are seen, but of {best}; call it --dictionary {best}"
+
+
+def _markers(views: Sequence[Image], dictionary: str) -> int:
+    from cv2 import aruco
+
+    detector = aruco.ArucoDetector(aruco.getPredefinedDictionary(getattr(aruco, dictionary)))
+    return sum(len(detector.detectMarkers(view)[0]) for view in views[:LOOKED_AT])
+
+
+def _held(dictionary: str) -> int:
+    from cv2 import aruco
+
+    return len(aruco.getPredefinedDictionary(getattr(aruco, dictionary)).bytesList)
 
 
 def flat_corners(corners: Corners | None, board: Board) -> int:

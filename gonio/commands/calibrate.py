@@ -42,7 +42,7 @@ def camera(
     flat: Annotated[bool, typer.Option("--flat", help="measure the flat frame; a diffuser is before the lens")] = False,
 ) -> None:
     """The camera: optics from pictures of a ChArUco board, with --poses its mount; or --take, --dark, --flat."""
-    from calibration.board import Board, board_image, find_corners, recognised
+    from calibration.board import Board, board_image, contradiction, find_corners, recognised
     from calibration.camera import calibrate_camera, read_views
     from calibration.mount import calibrate_mount, read_poses
     from gonio.config import ConfigError
@@ -82,6 +82,8 @@ def camera(
     if seen_board != made:
         typer.echo(f"board  {seen_board}, as the pictures show")
     corners = find_corners(pictures, seen_board)
+    if against := contradiction(pictures, seen_board, corners):
+        raise CalibrationMissing(f"camera: {against}")
     height, width = pictures[0].shape
     found = calibrate_camera(corners, (width, height), config.name, config.depth != "real")
     text = f"{found.views} views, reprojection {found.rms_px:.2f} pixels"

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.board import Board, Corners, board_image, find_corners, flat_corners, recognised
+from calibration.board import Board, Corners, board_image, contradiction, find_corners, flat_corners, recognised
 from calibration.camera import calibrate_camera, read_views
 from gonio.rig.calibration import CameraCalibration, load_calibration, save_calibration
 from gonio.rig.errors import CalibrationMissing
@@ -100,6 +100,28 @@ def test_ids_that_look_right_and_are_not_do_not_lie_on_a_plane():
     place = swapped.charuco().getChessboardCorners()[number.astype(int)]
     assert flat_corners(seen, Board()) == len(number)
     assert flat_corners(Corners(place, seen.in_view), swapped) < 0.3 * len(number)
+
+
+@pytest.mark.parametrize(
+    ("named", "words"),
+    [
+        (Board(9, 6, 0.02, 0.015), "markers of DICT_4X4_50 are seen, but not as on a board of 9 x 6 squares"),
+        (Board(8, 6, 0.02, 0.015, "DICT_5X5_50"), "but of DICT_4X4_50; call it --dictionary DICT_4X4_50"),
+        (Board(8, 6, 0.02, 0.015), ""),
+    ],
+)
+def test_a_board_that_is_another_is_said(named, words):
+    pictures = list(views(3, Board(8, 6, 0.02, 0.015)))
+    said = contradiction(pictures, named, find_corners(pictures, named))
+    assert words in said and (words != "") == (said != "")
+
+
+def test_corners_off_every_plane_are_not_fitted():
+    (seen,) = find_corners(list(views(1, Board())), Board())
+    torn = Corners(seen.on_board[::-1][np.argsort(seen.in_view[:, 0])], seen.in_view)
+    assert "do not lie as on a board of 7 x 5" in contradiction([], Board(), [torn, None])
+    blank = [np.full((720, 1280), 128, np.uint8)]
+    assert contradiction(blank, Board(), [None]) == ""
 
 
 def test_the_command_says_which_board_it_sees(tmp_path):

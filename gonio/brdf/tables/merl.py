@@ -18,7 +18,6 @@ from gonio.geometry import Array, to_half_diff
 SHAPE = (90, 90, 180)
 SCALE = np.array([1.0, 1.15, 1.66]) / 1500
 RELAXED = 20
-EDGES = ("nearest", "nearest", "wrap")  # of theta_h, theta_d, phi_d
 SIZE = 12 + 3 * 8 * SHAPE[0] * SHAPE[1] * SHAPE[2]
 
 
@@ -74,17 +73,25 @@ def filled(channel: Array) -> Array:
 
     phi_d wraps. Raises ValueError for a channel without a single valid entry.
     """
-    from scipy.ndimage import convolve1d, distance_transform_edt
+    from scipy.ndimage import distance_transform_edt
 
     hole = channel < 0
     if hole.all():
         raise ValueError("a channel of the table has no valid entry")
-    wide = np.concatenate([channel, channel, channel], 2)  # so that phi_d has no edge
+    if not hole.any():
+        return channel
+    half = SHAPE[2] // 2
+    wide = np.concatenate([channel[:, :, half:], channel, channel[:, :, :half]], 2)  # so that phi_d has no edge
     nearest = distance_transform_edt(wide < 0, return_distances=False, return_indices=True)
-    out = wide[tuple(nearest)][:, :, SHAPE[2] : 2 * SHAPE[2]]
+    out = wide[tuple(nearest)][:, :, half : half + SHAPE[2]]
+    h, d, p = np.nonzero(hole)
+    around = [
+        (np.maximum(h - 1, 0), d, p), (np.minimum(h + 1, SHAPE[0] - 1), d, p),
+        (h, np.maximum(d - 1, 0), p), (h, np.minimum(d + 1, SHAPE[1] - 1), p),
+        (h, d, (p - 1) % SHAPE[2]), (h, d, (p + 1) % SHAPE[2]),
+    ]  # fmt: skip
     for _ in range(RELAXED):
-        around = sum(convolve1d(out, [0.5, 0, 0.5], axis, mode=mode) for axis, mode in enumerate(EDGES))
-        out = np.where(hole, around / 3, out)
+        out[h, d, p] = sum(out[each] for each in around) / 6
     return out
 
 
