@@ -1,34 +1,79 @@
-"""The reconstruction that runs beside an acquisition: the same splines, few choices, no table.
+"""The reconstruction that runs beside an acquisition: the same patches and posterior, few choices, no table.
 
-For the stop rule (`energy_error_estimate`) and as the surrogate of a delayed acceptance: `eval` never falls below a
-floor, since a surrogate that says 0 where the sample does not would close that region to the chain.
+For the stop rule (`energy_error_estimate`, of the whole domain) and as the surrogate of a delayed acceptance: `eval`
+never falls below a floor, since a surrogate that says 0 where the sample does not would close that region to the chain.
 """
+
+from functools import cached_property
 
 import numpy as np
 
 from gonio.geometry import Array
 from gonio.reconstruct.clean import clean
 from gonio.reconstruct.samples import Samples
-from gonio.reconstruct.splines.auto import Problem, peak_width
+from gonio.reconstruct.splines.auto import TRUSTED, Problem, peak_width
+from gonio.reconstruct.splines.expected_error import MEAN_OVER_68, expected_error
 from gonio.reconstruct.splines.frame import Coordinates, Frame
 from gonio.reconstruct.splines.grain import Grain
-from gonio.reconstruct.splines.held_out import EnergyError
+from gonio.reconstruct.splines.held_out import EnergyError, solid_angles
 from gonio.reconstruct.splines.isotropic import Isotropic
-from gonio.reconstruct.splines.patches import Patches, left_out
+from gonio.reconstruct.splines.patches import Patches, left_out, left_out_with_variance
+from gonio.reconstruct.splines.posterior import Posterior
 from gonio.reconstruct.tables.sampled import Sampled
 
 TESTED = 300
+LOOKED_AT, POINTS = 1000, 300  # samples and, per incidence, directions that the estimate is made of
 FLOOR = 0.01
 
 
 class RunningBrdf(Sampled):
-    """Splines asked directly: right for hundreds of pairs at a time, not for rendering. Not saved."""
+    """Patches asked directly: right for hundreds of pairs at a time, not for rendering. Not saved."""
 
-    def __init__(self, problem: Problem, stretch: Coordinates, energy_error_estimate: float):
-        self.problem, self.stretch, self.energy_error_estimate = problem, stretch, energy_error_estimate
+    def __init__(self, problem: Problem, stretch: Coordinates, held_out: float):
+        self.problem, self.stretch, self._held_out = problem, stretch, held_out
         self.frame, self.t0, self.channels = problem.frame, stretch.t0, problem.g.shape[1]
-        self._patches = Patches(stretch(problem.angles), problem.y, problem.variance)
+        self._x = stretch(problem.angles)
+        self._patches = Patches(self._x, problem.y, problem.variance)
         self._floor = FLOOR * problem.ratio.floor
+
+    @cached_property
+    def energy_error_estimate(self) -> float:
+        """The energy error to be expected over the whole domain; worked out when first asked for."""
+        p = self.problem
+        looked, said, relative = self._without_themselves
+        half, b = self.posterior.held_out_sd(relative), p.b[looked]
+        spans = p.ratio.inverse(said + half, b) - p.ratio.inverse(said - half, b)
+        there = EnergyError(p.angles, p.g, p.sigma, self.stretch, looked).of_errors(MEAN_OVER_68 * 0.5 * spans)
+        scale = float(np.clip(self._held_out / max(there, 1e-12), *TRUSTED))
+        return scale * expected_error(self.eval, self.interval, POINTS)
+
+    @cached_property
+    def posterior(self) -> Posterior:
+        p = self.problem
+        looked, said, relative = self._without_themselves
+        v = solid_angles(self.stretch, p.angles, looked)
+        return Posterior.of(self._x, p.y, p.variance, looked, said, relative, v)
+
+    @cached_property
+    def _without_themselves(self):
+        """Some samples (indices), what the others say they are (M, C), and with what relative variance (M,)."""
+        p = self.problem
+        looked = np.random.default_rng(0).permutation(len(p.samples))[:LOOKED_AT]
+        return looked, *left_out_with_variance(self._x, p.y, p.variance, looked)
+
+    def interval(self, wi: Array, wo: Array) -> tuple[Array, Array]:
+        """(low, high), (N, C) each, in 1/sr: 68 % of true values lie between; pairs above the horizon."""
+        p = self.problem
+        a = p.frame.angles(wi, wo)
+        x, b = self.stretch(a), p.base(a)
+        y, sd = self._patches(x), self.posterior.sd(x)
+        low, high = (p.ratio.inverse(y + s * sd, b) / a.cos_o[:, None] for s in (-1, 1))
+        return low, high
+
+    def std(self, wi: Array, wo: Array) -> Array:
+        """Half the width of that interval, (N, C)."""
+        low, high = self.interval(wi, wo)
+        return 0.5 * (high - low)
 
     def _above(self, wi: Array, wo: Array) -> Array:
         p = self.problem

@@ -6,6 +6,7 @@ import numpy as np
 
 from gonio.brdf import Brdf
 from gonio.config.material import Material
+from gonio.evaluate import directions
 from gonio.reconstruct.errors import ReconstructionError
 from gonio.reconstruct.running import fit
 from gonio.reconstruct.samples import Samples
@@ -90,9 +91,23 @@ def _missed(brdf: Brdf, running) -> float:
     return EnergyError(p.angles, p.g, p.sigma, running.stretch, at)(brdf.eval(s.wi, s.wo) * s.wo[:, 2:])
 
 
+def _unseen(brdf: Brdf) -> float:
+    """The share of the reflected energy where the standard deviation is above half of f; 0 of a model without one."""
+    std = getattr(brdf, "std", None)
+    if std is None:
+        return 0.0
+    shares = []
+    for wi, wo, weight, _ in directions(1000):
+        energy = brdf.eval(wi, wo) * (weight * wo[:, 2])[:, None]
+        shares.append((energy * (std(wi, wo) > 0.5 * brdf.eval(wi, wo))).sum() / max(float(energy.sum()), 1e-300))
+    return float(np.mean(shares))
+
+
 def _findings(brdf: Brdf, samples: Samples, failed: int) -> list[str]:
     notes = getattr(brdf, "notes", {})
     n, found = len(samples), []
+    if (unseen := _unseen(brdf)) > NOTABLE:
+        found.append(f"{unseen:.0%} of the reflected energy lies where f is known to a factor of two at best: unseen.")
     saturated = int(samples.saturated.sum())
     if saturated:
         found.append(

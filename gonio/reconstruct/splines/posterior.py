@@ -1,6 +1,6 @@
 """What is known of y everywhere: its standard deviation, growing with the distance to the data, and intervals.
 
-    sd^2(q) = a(q) w (v(q) / w)^g + PRIOR u(q)^1.5,   u = (v - r) / (1 - r) where v > r
+    sd^2(q) = a(q) w (v(q) / w)^g + PRIOR u(q),   u = (v - r) / (1 - r) where v > r
 
 v the relative variance of the prediction (`patches.relative_variance`: 0 at a noiseless sample, 1 far from all), a the
 amplitude that held-out samples around q show, each by its squared residual over its own v, w their median v; g how
@@ -24,8 +24,8 @@ GLOBAL = 2.0  # samples that the amplitude of all of them is worth
 MEDIAN = 0.455  # of the square of a normal variable
 LEAST = 0.02  # of a squared residual that is more than noise
 LARGEST = 4.0  # amplitude: beyond, it is a slip of one sample
-PRIOR, POWER = (0.15, 1.5), 1.5  # least and largest
-BELIEVED = 6.0  # times the mean square of y
+PRIOR = (0.5, 1.5)  # least and largest
+BELIEVED = 10.0  # times the mean square of y
 REACH = 0.95  # the share of held-out samples up to whose v they are believed alone
 FARTHEST = 1.2  # sd: a factor of three either way is what is known of materials without a sample
 LEVELS = np.array([0.6827, 0.90, 0.95, 0.99])
@@ -87,7 +87,7 @@ class Posterior:
     def _sd(self, v: Array, amplitude: Array) -> Array:
         near = amplitude * self.typical * (v / self.typical) ** self.growth
         beyond = np.maximum(v - self.reach, 0) / (1 - self.reach)
-        return np.minimum(self.widths[0] * np.sqrt(near + self.prior * beyond**POWER), FARTHEST)
+        return np.minimum(self.widths[0] * np.sqrt(near + self.prior * beyond), FARTHEST)
 
     def held_out_sd(self, relative: Array) -> Array:
         """The same of the predictions of the held-out samples, whose relative variance is `relative` (M,), (M, C)."""
