@@ -40,6 +40,8 @@ def _job(job: dict[str, Any]) -> list[str]:
 
 
 def _estimate(job: dict[str, Any], p: dict[str, Any]) -> str:
+    if job.get("estimating"):  # the last one, of all measurements: no earlier one stands for it
+        return "ESS …   error …"
     found = job.get("estimate") or {}
     error = found.get("energy_error") if found.get("energy_error") is not None else p["energy_error"]
     ess = "-" if found.get("ess") is None else f"{found['ess']:.0f}"

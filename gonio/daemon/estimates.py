@@ -20,7 +20,8 @@ PAUSE_S = 1.0
 class Estimator:
     """Puts `estimate: {measured, ess, energy_error}` on the board's job, on a growing schedule and once at the end.
 
-    Of a run that is done it is None until the last one is there, which stays: what is shown after the end is final.
+    Of a run that is done it is None, and `estimating` true, until the last one is there, which stays: what is shown
+    after the end is final.
     """
 
     def __init__(self, folder: Path, board: StatusBoard):
@@ -36,7 +37,7 @@ class Estimator:
             self._done = done
             self._closed.set()
             if done and self._measured() >= FIRST:
-                self._board.job_of(self._job, estimate=None)
+                self._board.job_of(self._job, estimate=None, estimating=True)
 
     def _measured(self) -> int:
         job = self._board.state()["job"] or {}
@@ -53,10 +54,13 @@ class Estimator:
             measured = (job.get("progress") or {}).get("measured", 0)
             if (measured >= due and not over) or (over and self._done and measured >= FIRST):
                 due = int(GROWTH * measured) + 1
-                if (found := self._ask()) is None:
-                    continue
+                found = self._ask()
                 with self._lock:
-                    if over or not self._closed.is_set():  # what was asked before the end and comes after it is old
+                    if over:
+                        self._board.job_of(
+                            self._job, estimate=found and {"measured": measured, **found}, estimating=False
+                        )
+                    elif found is not None and not self._closed.is_set():  # asked before the end, told after it: old
                         self._board.job_of(self._job, estimate={"measured": measured, **found})
 
     def _ask(self) -> dict[str, Any] | None:

@@ -37,14 +37,23 @@ def test_an_answer_that_was_asked_before_the_end_does_not_come_after_it(board, t
     e = Asked(tmp_path, board)
     assert e.begun.acquire(timeout=60)
     e.close(done=True)
-    assert board.state()["job"]["estimate"] is None
+    assert board.state()["job"]["estimate"] is None and board.state()["job"]["estimating"]
     e.answer.release()  # the old one
     assert e.begun.acquire(timeout=60)  # the last is asked
     assert board.state()["job"]["estimate"] is None
     e.answer.release()
     e.thread.join(60)
     assert board.state()["job"]["estimate"] == {"measured": 2 * FIRST, "ess": 2, "energy_error": None}
-    assert e.questions == 2
+    assert e.questions == 2 and not board.state()["job"]["estimating"]
+
+
+def test_a_last_estimate_that_cannot_be_made_is_not_waited_for(board, tmp_path, monkeypatch):
+    monkeypatch.setattr(Estimator, "_ask", lambda self: None)
+    e = Estimator(tmp_path, board)
+    e.close(done=True)
+    e.thread.join(60)
+    job = board.state()["job"]
+    assert job["estimate"] is None and job["estimating"] is False
 
 
 def test_of_a_run_that_was_stopped_what_was_known_stays(board, tmp_path):

@@ -24,8 +24,15 @@ def browser():
         b.close()
 
 
-def number(page, name):
-    return int("0" + "".join(c for c in page.locator(f"#{name}").text_content() if c.isdigit()))
+MEASURED = "Number(document.getElementById('measured').textContent.replace(/[^0-9]/g, ''))"
+
+
+def until(page, wanted):
+    """Until the expression is true in a picture that the page draws; its policy forbids `wait_for_function`."""
+    page.evaluate(f"""async () => {{
+      for (const end = performance.now() + 60000; !({wanted}); await new Promise(requestAnimationFrame))
+        if (performance.now() > end) throw new Error("waited in vain");
+    }}""")
 
 
 def test_a_run_is_watched_paused_and_stopped(daemon, browser):
@@ -39,8 +46,8 @@ def test_a_run_is_watched_paused_and_stopped(daemon, browser):
     page.goto(daemon.url)
     job = daemon.acquire("page", 100_000)
     badge = page.locator("#state")
-    while "runs/page" not in page.locator("#run").text_content() or number(page, "measured") < 60:
-        page.wait_for_timeout(50)
+    page.locator("#run", has_text="runs/page").wait_for()
+    until(page, f"{MEASURED} >= 60")
     assert page.locator("#rig").text_content() == "sim · devices"
     assert page.locator(".axis").count() == 4 and "°" in page.locator(".axis .angle").first.text_content()
     assert "homed" in page.locator("#devices").text_content()
@@ -83,11 +90,43 @@ def test_a_page_that_loses_its_daemon_says_so(browser):
         daemon.close()
 
 
-@pytest.mark.parametrize(("width", "height"), [(390, 844), (768, 1024), (1280, 900), (1280, 720)])
-def test_nothing_sticks_out_and_the_scale_is_in_sight(daemon, browser, width, height):
+# all figures that are ever shown of ESS and error after the end of a run, as they change
+LOOKS = """
+window.looks = [];
+new MutationObserver(() => {
+  if (!document.getElementById("job").textContent.includes("ended")) return;
+  const look = ["ess", "error"].map((id) => document.getElementById(id).textContent).join(" ");
+  if (window.looks.at(-1) !== look) window.looks.push(look);
+}).observe(document.body, { subtree: true, childList: true, characterData: true });
+"""
+
+
+def test_figures_after_the_end_are_final(daemon, browser):
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.goto(daemon.url)
+    page.locator("#state", has_text="idle").wait_for()
+    page.evaluate(LOOKS)
+    job = daemon.acquire("final", 400)
+    assert daemon.ended(job)["code"] == 0
+    final = daemon.until(lambda s: s["job"]["estimate"] is not None and s["job"]["estimating"] is False)["job"]
+    shown = f"{final['estimate']['ess']:.0f} {100 * final['estimate']['energy_error']:.1f} %"
+    until(page, f"window.looks.at(-1) === '{shown}'")
+    assert page.evaluate("looks") in ([shown], ["… …", shown])
+    page.close()
+
+
+@pytest.mark.parametrize("after_a_run", [False, True])
+@pytest.mark.parametrize(("width", "height"), [(320, 568), (390, 844), (768, 1024), (1280, 900), (1280, 720)])
+def test_nothing_sticks_out_and_the_scale_is_in_sight(daemon, browser, width, height, after_a_run):
+    """Also with a line on what became of a run, and a folder of a long name."""
+    if after_a_run:
+        name = f"a-name-{width}-{height}-" + "x" * 60
+        daemon.ended(daemon.acquire(name, 20))
     page = browser.new_page(viewport={"width": width, "height": height})
     page.goto(daemon.url)
     page.locator("#state", has_text="idle").wait_for()
+    if after_a_run:
+        page.locator("#message", has_text="acquire ended").wait_for()
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     for name in ("stop", "pause", "state", "rig"):
         box = page.locator(f"#{name}").bounding_box()
@@ -97,7 +136,8 @@ def test_nothing_sticks_out_and_the_scale_is_in_sight(daemon, browser, width, he
         box = page.locator("#scale").bounding_box()
         assert box["y"] + box["height"] <= height
     if folder := os.environ.get("GONIO_PAGES"):
-        page.screenshot(path=f"{folder}/{width}.png")
+        ended = "-ended" * after_a_run
+        page.screenshot(path=f"{folder}/{width}x{height}{ended}.png")
     page.close()
 
 
@@ -105,13 +145,12 @@ def test_nothing_sticks_out_and_the_scale_is_in_sight(daemon, browser, width, he
 def test_picture(daemon, browser):
     page = browser.new_page(viewport={"width": 1360, "height": 900})
     page.goto(daemon.url)
-    body = {"material": {"name": "chm_orange", "truth": "chm_orange", "budget": {"measurements": 5000}}}
+    body = {"material": {"name": "chm_orange", "truth": "chm_orange", "budget": {"measurements": 40_000}}}
     job = daemon.client.post("/jobs/acquire", json=body).json()["job"]
     page.locator("#job", has_text="chm_orange").wait_for()
-    while number(page, "measured") < 1800 or page.locator("#ess").text_content() == "–":
-        page.wait_for_timeout(50)
+    until(page, f"{MEASURED} >= 1800 && lines.ess.length >= 2")
     Path(PICTURE).parent.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=PICTURE, clip={"x": 0, "y": 0, "width": 1360, "height": 882})
+    page.screenshot(path=PICTURE, clip={"x": 0, "y": 0, "width": 1360, "height": 868})
     daemon.client.post("/stop")
     daemon.ended(job)
     page.close()

@@ -68,10 +68,11 @@ function show(state) {
   put("rig_left_s", duration(p && p.rig_left_s));
   put("wall_left_s", duration(p && p.wall_left_s));
   put("per_s", p ? `${p.per_s.toFixed(p.per_s < 10 ? 1 : 0)} /s` : "–");
-  const error = found.energy_error ?? (p && p.energy_error);
+  const error = found.energy_error ?? (j && j.estimating ? null : p && p.energy_error);
   put("acceptance", p ? `${(100 * p.acceptance).toFixed(0)} %` : "–");
-  put("ess", found.ess != null ? found.ess.toFixed(0) : "–");
-  put("error", error != null ? `${(100 * error).toFixed(1)} %` : "–");
+  const none = j && j.estimating ? "…" : "–"; // the last estimate is being worked out: no earlier one stands for it
+  put("ess", found.ess != null ? found.ess.toFixed(0) : none);
+  put("error", error != null ? `${(100 * error).toFixed(1)} %` : none);
   put("free", p ? p.free.toLocaleString("en") : "–");
   if (p) {
     line("acceptance", p.measured, p.acceptance);
