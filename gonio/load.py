@@ -1,15 +1,12 @@
 """Open a BRDF, whatever it is saved as; save one."""
 
 import os
-import zipfile
 from importlib import import_module
 from pathlib import Path
 
-import numpy as np
-
 from gonio.brdf import Brdf, BrdfFileError, MerlBrdf, NetworkBrdf, RglBrdf
 from gonio.brdf.kinds import KINDS as MODEL_KINDS
-from gonio.brdf.saved import FORMAT_VERSION, write_saved
+from gonio.brdf.saved import FORMAT_VERSION, read_arrays, write_saved
 
 KINDS = MODEL_KINDS | {
     "auto": "gonio.reconstruct.splines.auto:AutoBrdf",
@@ -40,6 +37,8 @@ def load_brdf(path: str | os.PathLike) -> Brdf:
         if not os.path.exists(saved):
             raise BrdfFileError(f"{text}: has no brdf.npz; make it with `gonio reconstruct {text}`")
         text = saved
+    if os.path.exists(text) and not os.path.isfile(text):
+        raise BrdfFileError(f"{text}: not a file; name a BRDF, or a material as `gonio materials` lists them")
     match Path(text).suffix:
         case ".bsdf":
             return RglBrdf.from_file(text)
@@ -63,9 +62,8 @@ def save_brdf(brdf, path: str | os.PathLike) -> None:
 
 def _load_saved(path: str) -> Brdf:
     try:
-        with np.load(path, allow_pickle=False) as file:
-            d = {key: file[key] for key in file.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zipfile.LargeZipFile) as e:
+        d = read_arrays(path)
+    except (OSError, ValueError) as e:
         raise BrdfFileError(f"{path}: not a saved BRDF ({e}); make it again with `gonio reconstruct`") from None
     if "kind" not in d or "format_version" not in d:
         raise BrdfFileError(f"{path}: no 'kind' and 'format_version' in it; for a network write {path}:NAME")

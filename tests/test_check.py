@@ -1,9 +1,12 @@
 """A plan that cannot start is no plan: what `acquire` refuses before it moves, `check` refuses in the same words."""
 
+import io
+import os
 import re
 import struct
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +48,54 @@ def two_channels(tmp_path):
 def not_a_brdf(tmp_path):
     np.savez(tmp_path / "odd.npz", a=np.zeros(3))
     return ["--set", f"truth={tmp_path / 'odd.npz'}"]
+
+
+def npy(shape):
+    head = repr({"descr": "<f8", "fortran_order": False, "shape": shape})
+    head += " " * (63 - (len(head) + 10) % 64) + "\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head.encode()
+
+
+def zipped(path, arrays):
+    """An .npz of a Lambert whose albedo is these bytes."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as held:
+        for name, value in {"kind": "lambert", "format_version": 1}.items():
+            buffer = io.BytesIO()
+            np.save(buffer, np.array(value))
+            held.writestr(f"{name}.npy", buffer.getvalue())
+        with held.open("albedo.npy", "w", force_zip64=True) as stream:
+            for part in arrays:
+                stream.write(part)
+    return ["--set", f"truth={path}"]
+
+
+def claims_terabytes(tmp_path):
+    return zipped(tmp_path / "claims.npz", [npy((1 << 40,))])
+
+
+def unpacks_to_gigabytes(tmp_path):
+    return zipped(tmp_path / "bomb.npz", [npy((1 << 28,)), *[bytes(1 << 24)] * 128])
+
+
+def weights_that_claim_terabytes(tmp_path):
+    zipped(tmp_path / "w.npz", [npy((1 << 40,))])
+    return ["--set", "sampler.proposal=flow", "--set", f"sampler.flow.weights={tmp_path / 'w.npz'}"]
+
+
+def endless_yaml(tmp_path):
+    (tmp_path / "long.yaml").write_text("alpha: [0.1]\ncolour:\n" + "- [[1], [2]]\n" * 20_000)
+    return ["--set", f"truth={tmp_path / 'long.yaml'}"]
+
+
+def yaml_of_aliases(tmp_path):
+    rows = ["a0: &a0 [1, 1]", *(f"a{k}: &a{k} [" + ", ".join([f"*a{k - 1}"] * 9) + "]" for k in range(1, 12))]
+    (tmp_path / "many.yaml").write_text("\n".join([*rows, "alpha: *a11", "colour: *a11"]))
+    return ["--set", f"truth={tmp_path / 'many.yaml'}"]
+
+
+def nobody_writes(tmp_path):
+    os.mkfifo(tmp_path / "pipe.bsdf")
+    return ["--set", f"truth={tmp_path / 'pipe.bsdf'}"]
 
 
 def no_weights(tmp_path):
@@ -96,7 +147,9 @@ def without_id(text):
 @pytest.mark.parametrize(
     ("make", "code"),
     [
-        (cut, 2), (terabytes, 2), (two_channels, 2), (not_a_brdf, 2), (no_weights, 2), (stale, 5),
+        (cut, 2), (terabytes, 2), (claims_terabytes, 2), (unpacks_to_gigabytes, 2), (endless_yaml, 2),
+        (weights_that_claim_terabytes, 2), (yaml_of_aliases, 2), (nobody_writes, 2), (two_channels, 2),
+        (not_a_brdf, 2), (no_weights, 2), (stale, 5),
         (nothing_reached, 2), (folder_exists, 2), (folder_below_a_file, 2),
         (dangling_link, 2), (name_too_long, 2), (no_place_for_runs, 2),
         (lambda _: ["--set", "truth=nothing_like_it"], 2),

@@ -4,13 +4,13 @@
 """
 
 import os
-import zipfile
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 
+from gonio.brdf.saved import read_arrays
 from gonio.flow.cubes import make_cube
 from gonio.flow.flow import Flow, FlowError
 from gonio.flow.material_code import Codes
@@ -22,17 +22,8 @@ FOLDER = Path(str(files("gonio"))) / "flow" / "weights"
 def load_flow(path: str | os.PathLike) -> tuple[Flow, dict[str, Array]]:
     """A flow and whatever else its file holds. Raises FlowError, one line."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            d = {k: file[k] for k in file.files}
-    except (
-        OSError,
-        ValueError,
-        EOFError,
-        KeyError,
-        zipfile.BadZipFile,
-        zipfile.LargeZipFile,
-        NotImplementedError,
-    ) as e:
+        d = read_arrays(path)
+    except (OSError, ValueError) as e:
         raise FlowError(f"{path}: not a flow's weights ({e}); make them with `gonio bench pretrain`") from None
     try:
         return Flow.from_arrays(d), d

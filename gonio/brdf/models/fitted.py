@@ -17,6 +17,7 @@ from gonio.brdf.models.mixture import Mixture
 from gonio.geometry import Array, to_half_diff
 
 SPLINES = 6
+MOST_BYTES = 100_000  # a hundred times what ships
 
 
 class FittedBrdf:
@@ -40,10 +41,15 @@ class FittedBrdf:
         import yaml
 
         try:
+            if (size := os.path.getsize(path)) > MOST_BYTES:
+                raise ValueError(f"{size} bytes, {MOST_BYTES} is the most that one has")
             with open(path, encoding="utf-8") as stream:
-                d = yaml.safe_load(stream)
+                text = stream.read()
+            if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
+                raise ValueError("aliases (*name) are not used here; write it out")
+            d = yaml.safe_load(text)
             return cls(d["alpha"], d["colour"])
-        except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, ValueError) as e:
+        except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, ValueError, RecursionError) as e:
             line = " ".join(str(e).split())
             raise BrdfFileError(f"{path}: not a fit of a material ({line})") from None
 

@@ -1,12 +1,12 @@
 """The neural BRDFs of Sztrajman et al. 2021: 6-21-21-3 networks on the Cartesian half and difference vectors."""
 
 import os
-import zipfile
 
 import numpy as np
 
 from gonio.brdf.base import BrdfFileError
 from gonio.brdf.models.half_sampler import HalfSampler
+from gonio.brdf.saved import read_arrays
 from gonio.geometry import Array, to_half_diff
 
 LAYERS = ((6, 21), (21,), (21, 21), (21,), (21, 3), (3,))
@@ -35,9 +35,9 @@ class NetworkBrdf:
     def from_file(cls, path: str | os.PathLike, name: str) -> "NetworkBrdf":
         """The network `name` of an .npz with `names` (M,) and `weights` (M, 675). Raises BrdfFileError."""
         try:
-            with np.load(path, allow_pickle=False) as d:
-                names, weights = [str(n) for n in d["names"]], d["weights"]
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as e:
+            d = read_arrays(path)
+            names, weights = [str(n) for n in d["names"]], d["weights"]
+        except (OSError, ValueError, KeyError) as e:
             raise BrdfFileError(f"{path}: not a file of networks ({e})") from None
         if name not in names:
             from difflib import get_close_matches
