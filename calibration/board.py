@@ -118,10 +118,13 @@ def contradiction(views: Sequence[Image], board: Board, corners: Sequence[Corner
         return "" if flat > ON_A_PLANE * found else f"the corners do not lie as on {squares}; {advice}"
     if _markers(views, board.dictionary) >= FEWEST_MARKERS:
         return f"markers of {board.dictionary} are seen, but not as on {squares}; {advice}"
-    seen = {name: _markers(views, name) for name in dictionaries()}
-    best = max(seen, key=lambda name: (seen[name], -_held(name)))  # of those that share markers the smallest
-    if seen[best] < FEWEST_MARKERS:
+    families: dict[str, list[str]] = {}  # DICT_4X4_50 are the first markers of DICT_4X4_100, and so on
+    for name in sorted(dictionaries(), key=_held):
+        families.setdefault(name.rpartition("_")[0] if "X" in name else name, []).append(name)
+    family = max(families.values(), key=lambda names: _markers(views, names[-1]))
+    if (most := _markers(views, family[-1])) < FEWEST_MARKERS:
         return ""  # of nothing that is known
+    best = next(name for name in family if _markers(views, name) >= most)
     return f"no markers of {board.dictionary} are seen, but of {best}; call it --dictionary {best}"
 
 
