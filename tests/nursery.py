@@ -44,7 +44,7 @@ class Nursery:
 
     def close(self) -> None:
         self._parent.stdin.close()
-        self._parent.wait(30)
+        self._parent.wait(60)
         self._parent.stdout.close()
 
 

@@ -120,7 +120,7 @@ class Daemon:
     def close(self):
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
-            self.process.wait(30)
+            self.process.wait(60)
         self.process.stdout.close()
         self.client.close()
         shutil.rmtree(self.base)

@@ -85,9 +85,9 @@ def test_stop_reaches_a_moving_rig_before_it_is_answered(control, rigs, tmp_path
 
     rigs.visit = visit
     submit_run(control, tmp_path / "r")
-    assert moving.wait(30)
+    assert moving.wait(60)
     assert control.stop() and rigs.opened[0].halted.is_set()
-    assert control.wait(30) and control.board.state()["job"]["code"] == 130
+    assert control.wait(60) and control.board.state()["job"]["code"] == 130
 
 
 def test_stop_reaches_a_motion_that_was_just_beginning(control, rigs, tmp_path):
@@ -104,10 +104,10 @@ def test_stop_reaches_a_motion_that_was_just_beginning(control, rigs, tmp_path):
 
     rigs.visit = visit
     submit_run(control, tmp_path / "r")
-    assert entered.wait(30)
+    assert entered.wait(60)
     control.stop()
     proceed.set()
-    assert control.wait(30) and control.board.state()["job"]["code"] == 130
+    assert control.wait(60) and control.board.state()["job"]["code"] == 130
     assert len(rigs.opened) == 1
 
 
@@ -129,11 +129,11 @@ def test_after_a_fault_the_rig_is_opened_anew(control, rigs, tmp_path):
 
 def test_a_bug_ends_the_job_and_not_the_thread(control, caplog):
     control.submit("odd", lambda: ((lambda owner: 1 / 0), {}))
-    assert control.wait(30)
+    assert control.wait(60)
     job = control.board.state()["job"]
     assert job["code"] == 1 and "ZeroDivisionError" in job["message"] and "a job failed" in caplog.text
     control.submit("even", lambda: ((lambda owner: {}), {}))
-    assert control.wait(30) and control.board.state()["job"]["code"] == 0
+    assert control.wait(60) and control.board.state()["job"]["code"] == 0
 
 
 def test_one_job_at_a_time(control):
@@ -143,7 +143,7 @@ def test_one_job_at_a_time(control):
         control.submit("other", lambda: ((lambda owner: {}), {}))
     assert not control.pause(), "nothing by hand can be paused"
     go.set()
-    assert control.wait(30)
+    assert control.wait(60)
 
 
 def test_stopped_while_paused(control, tmp_path):
@@ -153,7 +153,7 @@ def test_stopped_while_paused(control, tmp_path):
     assert control.pause()
     while control.board.state()["state"] != "paused":
         pass
-    assert control.stop() and control.wait(30)
+    assert control.stop() and control.wait(60)
     assert control.board.state()["job"]["code"] == 130
 
 
@@ -186,11 +186,11 @@ def test_the_web_hangs_and_dies_and_the_run_does_not_care(control, tmp_path):
         assert http.get("/state").json()["state"] == "idle"
         number = submit_run(control, tmp_path / "r", chains=20)
         web.loop.call_soon_threadsafe(lambda: (hang.set(), go.wait()))
-        assert hang.wait(30) and goes_on()
+        assert hang.wait(60) and goes_on()
         go.set()
         assert http.get("/state").json()["job"]["id"] == number
         web.loop.call_soon_threadsafe(web.loop.stop)  # as an error outside every handler would
-        web._thread.join(30)
+        web._thread.join(60)
         assert not web._thread.is_alive() and goes_on()
         web.keep()
         http.close()

@@ -204,7 +204,7 @@ def test_terminated_the_run_is_stored():
         daemon.acquire("t", 10**6, chains=50)
         seen = daemon.measured(200)["job"]["progress"]["measured"]
         daemon.process.send_signal(signal.SIGTERM)
-        assert daemon.process.wait(30) == 0
+        assert daemon.process.wait(60) == 0
         assert len(contents(daemon.runs / "t")["id"]) >= seen and not daemon.socket.exists()
         with Store.open(daemon.runs / "t", write=True) as store:  # its lock is free
             assert store.events()[-1][1] == "interrupted"

@@ -167,7 +167,7 @@ def test_no_500(served):
         seen.setdefault(case.path, set()).add(answer.status_code)
         assert answer.status_code < 500 or answer.status_code == 503, (case.path, case.body, answer.text)
         control.stop()
-        assert control.wait(20)
+        assert control.wait(60)
 
     for operation in schema.get_all_operations():
         ok = operation.ok()
