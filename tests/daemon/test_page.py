@@ -141,6 +141,40 @@ def test_nothing_sticks_out_and_the_scale_is_in_sight(daemon, browser, width, he
     page.close()
 
 
+LONG = "a_word_of_many_letters_" * 6
+STATE = {
+    "rig": {"name": LONG[:100], "depth": "devices", "axes": {LONG[:60]: {"lower_deg": -90, "upper_deg": 90}}},
+    "state": "connection lost",
+    "pose_deg": {LONG[:60]: -167.34},
+    "devices": [{"name": "stage", "ok": False, "text": LONG}],
+    "job": {
+        "id": 7, "kind": "acquire", "material": LONG[:100], "run": f"/{LONG}/{LONG}", "truth": LONG, "ended": 1.0,
+        "code": 3, "message": f"{LONG}: {LONG}", "result": {},
+        "estimate": {"measured": 9, "ess": 1e9, "energy_error": 99},
+        "progress": {"measured": 123456789, "budget": 987654321, "free": 123456789, "acceptance": 1.0, "rig_s": 1e7,
+                     "rig_left_s": 1e7, "wall_left_s": 1e7, "per_s": 12345.6, "energy_error": None},
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("width", "height"), [(320, 568), (390, 844), (768, 1024), (1280, 900)])
+def test_words_of_any_length_stay_inside(daemon, browser, width, height):
+    page = browser.new_page(viewport={"width": width, "height": height})
+    page.goto(daemon.url)
+    page.locator("#state", has_text="idle").wait_for()
+    page.evaluate("state => { events.close(); show(state); }", STATE)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    box = page.locator("#stop").bounding_box()
+    assert 0 <= box["x"] and box["x"] + box["width"] <= width and box["y"] + box["height"] <= height
+    outside = """width => [...document.querySelectorAll("body *")].filter((e) => {
+      const r = e.getBoundingClientRect(); return r.width && (r.left < -0.5 || r.right > width + 0.5);
+    }).map((e) => e.id || e.className || e.tagName)"""
+    assert page.evaluate(outside, width) == []
+    if folder := os.environ.get("GONIO_PAGES"):
+        page.screenshot(path=f"{folder}/{width}x{height}-long.png", full_page=True)
+    page.close()
+
+
 @pytest.mark.skipif(not PICTURE, reason="makes a picture for the docs; set GONIO_SCREENSHOT to its path")
 def test_picture(daemon, browser):
     page = browser.new_page(viewport={"width": 1360, "height": 900})

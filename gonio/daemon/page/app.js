@@ -45,6 +45,7 @@ function spark(name) {
 function show(state) {
   const j = state.job, p = (j && j.progress) || null, found = (j && j.estimate) || {};
   put("rig", `${state.rig.name} · ${state.rig.depth}`);
+  el("rig").title = el("rig").textContent; // a long one is cut
   badge(state.state);
   paused = state.state === "paused";
   put("pause", paused ? "Continue" : "Pause");
@@ -103,7 +104,7 @@ function axes(limits, pose) {
   Object.entries(limits).forEach(([name, { lower_deg: low, upper_deg: high }], k) => {
     const [, track, angle] = box.children[k].children, a = pose && pose[name];
     angle.textContent = a == null ? "–" : `${a.toFixed(2)}°`;
-    track.firstChild.style.left = a == null ? "50%" : `${(100 * (a - low)) / (high - low)}%`;
+    track.firstChild.style.left = a == null ? "50%" : `${Math.min(100, Math.max(0, (100 * (a - low)) / (high - low)))}%`;
     track.firstChild.style.visibility = a == null ? "hidden" : "visible";
   });
 }
