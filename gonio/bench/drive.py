@@ -69,7 +69,7 @@ def driven_by(
     material = Material.model_validate({"name": "study", "channels": brdf.channels, "seed": seed, "sampler": section})
     if isinstance(sampler, str):
         material = material.model_copy(update={"sampler": material.sampler.model_copy(update={"chains": chains})})
-    chain = make_sampler(material, None, surrogate)
+    chain = make_sampler(material, None, surrogate, (measurements,))
     wi, wo, f, made = [], [], [], 0
     while made < measurements and (steps is None or chain.step < steps):
         batch = chain.ask()
@@ -82,9 +82,9 @@ def driven_by(
     return Driven(chain.take_steps(), np.concatenate(wi), np.concatenate(wo), values, len(values)), chain
 
 
-def surrogate(wi: Array, wo: Array, f: Array) -> Brdf:
-    """What `delayed` acceptance screens with: the running reconstruction."""
+def surrogate(wi: Array, wo: Array, f: Array, sigma: Array | None = None) -> Brdf:
+    """What plans learn from and `delayed` acceptance screens with: the running reconstruction."""
     from gonio.reconstruct.running import fit
     from gonio.reconstruct.samples import Samples
 
-    return fit(Samples.of(wi, wo, f))
+    return fit(Samples.of(wi, wo, f, sigma))

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from gonio.config.loader import Section
 from gonio.config.plan import PlanConfig
@@ -12,17 +12,23 @@ Plain = Literal["pss_simple", "pss_vndf", "vmf_io", "vmf_hd", "independence"]
 
 
 class Target(Section):
-    """The chain's target p ∝ s(f)^power cos θo, mixed with a floor where f is low (METHOD 1, 6)."""
+    """What the chain visits in proportion to. unknown: the error to be expected of the reconstruction, to a power;
+    energy: p ∝ s(f)^power cos θo, mixed with a floor where f is low (METHOD 1, 6)."""
 
-    channels: int | str = "max"
-    power: float = Field(1.0, gt=0, le=1)
-    floor: Share = 0.1
+    kind: Literal["unknown", "energy"] | None = Field(
+        None, description="default: unknown for proposal auto, energy for the others, which know no other"
+    )
+    channels: int | str | None = Field(
+        None, description="default: mean of unknown (each channel over its own albedo), max of energy"
+    )
+    power: float | None = Field(None, gt=0, le=1, description="default: 0.7 of unknown, 1 of energy")
+    floor: Share = Field(0.1, description="of energy: share of the draws that is laid evenly")
 
     @field_validator("channels", mode="before")
     @classmethod
     def _known(cls, v: Any) -> Any:
         number = isinstance(v, int) and not isinstance(v, bool) and v >= 0
-        if not number and v not in ("luminance", "mean", "max"):
+        if v is not None and not number and v not in ("luminance", "mean", "max"):
             raise ValueError("expected luminance, mean, max or a channel's number from 0")
         return v
 
@@ -45,6 +51,10 @@ class FlowConfig(Section):
     hidden: int = Field(64, ge=4, le=1024)
 
 
+POWER = {"unknown": 0.7, "energy": 1.0}
+CHANNELS = {"unknown": "mean", "energy": "max"}
+
+
 class SamplerConfig(Section):
     """Which proposal drives the chains, and its numbers. `sampler: thesis` is the 2024 thesis's own setting."""
 
@@ -63,6 +73,16 @@ class SamplerConfig(Section):
     )
     flow: FlowConfig = FlowConfig()
     target: Target = Target()
+
+    @field_validator("target")
+    @classmethod
+    def _kind_of_target(cls, v: Target, info: ValidationInfo) -> Target:
+        proposal = info.data.get("proposal", "auto")
+        kind = v.kind or ("unknown" if proposal == "auto" else "energy")
+        if kind == "unknown" and proposal != "auto":
+            raise ValueError(f"kind `unknown` is a target of proposal auto; with {proposal} use energy")
+        channels = CHANNELS[kind] if v.channels is None else v.channels
+        return v.model_copy(update={"kind": kind, "channels": channels, "power": v.power or POWER[kind]})
 
 
 THESIS = {

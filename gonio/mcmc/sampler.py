@@ -21,18 +21,13 @@ from gonio.mcmc.chain.history import History
 from gonio.mcmc.chain.pilot import pilot_directions
 from gonio.mcmc.chain.round import Round
 from gonio.mcmc.chain.steps import StepLog, Steps
-from gonio.mcmc.proposals import INDEPENDENCE, LOCAL, PILOT
+from gonio.mcmc.chain.support import NoSupport
+from gonio.mcmc.proposals import FILL, INDEPENDENCE, LOCAL, PILOT
 from gonio.mcmc.target import Target
 
 MAX_FREE_ROUNDS = 10_000
 COUNTERS = ("step", "row", "rounds", "next_id", "next_learn", "free_rounds", "unmeasured_in_a_row", "kernel")
 TINY = 1e-300
-
-
-class NoSupport(RuntimeError):
-    """No direction with a measurable value was found: the rig reaches nothing, or nothing reflects. One line."""
-
-    exit_code = 2
 
 
 @dataclass(frozen=True)
@@ -77,21 +72,24 @@ class Sampler:
     def ask(self) -> Batch:
         """What is needed next: all measurements of the round that were not told yet. Raises NoSupport."""
         while (r := self._round) is None:
-            self._begin_round()
+            if hasattr(self.plan, "design"):
+                self._begin_block()
+            else:
+                self._begin_round()
         return Batch(*r.wanted())
 
     def tell(self, ids, f, sigma=None) -> None:
         """BRDF values f (M, C) of measurements `ids`, NaN = could not be measured; any subset, in any order.
 
-        sigma is accepted for the seam's sake: a chain keeps the value it was told and never asks again, which is
-        exact for unbiased non-negative noise (pseudo-marginal). Raises KeyError for an id not asked for.
+        sigma (M, C), as far as it is known, is for plans that learn; a chain keeps the value it was told and never
+        asks again, exact for unbiased non-negative noise (pseudo-marginal). Raises KeyError for an id not asked for.
         """
         ids = np.asarray(ids, np.int64)
         if len(ids) == 0:
             return
         if self._round is None:
             raise KeyError(f"measurements {ids} were not asked for")
-        self._round.answer(ids, np.asarray(f, float))
+        self._round.answer(ids, np.asarray(f, float), None if sigma is None else np.asarray(sigma, float))
         self._settle(self._round)
 
     def take_steps(self) -> Steps:
@@ -124,9 +122,11 @@ class Sampler:
     # ---- rounds
 
     def _begin_pilot(self, anisotropic: bool) -> None:
-        wi, wo, log_q = pilot_directions(anisotropic)
-        keep = np.ones(len(wi), bool) if self.reachable is None else self.reachable(wi, wo)
-        if keep.any():
+        wi, wo, log_q, most = (
+            self.plan.pilot() if hasattr(self.plan, "pilot") else (*pilot_directions(anisotropic), None)
+        )
+        keep = np.flatnonzero(self._supported(wi, wo))[:most]
+        if len(keep):
             wi, wo, log_q = wi[keep], wo[keep], log_q[keep]
             kind, alive, coin = np.full(len(wi), PILOT, np.int8), np.ones(len(wi), bool), np.empty((1, len(wi)))
             self._open(Round.of(None, wi, wo, -log_q, kind, coin, alive, **self._sizes(1)))
@@ -166,6 +166,21 @@ class Sampler:
         if len(r.where) < len(wi):  # what is free needs no answer
             self._settle(r)
 
+    def _begin_block(self) -> None:
+        """A block designed as a whole: the chains' proposals, one step of each, and measurements that are no step."""
+        assert self.history is not None  # a plan that designs learns
+        known = self.history.without(self.chains.at)
+        d = self.plan.design(self.target, known, self.next_id, self.count, (self.draws.seed, self.rounds))
+        self.chains.reweigh(self.target)
+        self.chains.enter(self.plan.epoch)
+        uniform, _ = self.draws.rows(self.row, 1)
+        self.row += 1
+        self.rounds += 1
+        u, coins = np.concatenate([d.wi.T, d.wo.T]), np.log(uniform[:, 1] + TINY)
+        if not d.alive.any():
+            raise NoSupport("no pair of directions can be measured; check the rig's limits and stay-out cone")
+        self._open(Round.of(u, d.wi, d.wo, -d.log_q, d.kind, coins, d.alive, **self._sizes(1)))
+
     def _open(self, r: Round) -> None:
         self._round = r
         self.next_id += len(r.where)
@@ -176,7 +191,8 @@ class Sampler:
     def _learn(self) -> None:
         if self.history is None or self.history.count < self.next_learn:
             return
-        self.plan.learn(self.target, *self.history.without(self.chains.at))
+        known = self.history.without(self.chains.at)
+        self.plan.learn(self.target, *(known[k] for k in ("wi", "wo", "f", "log_q")))
         self.next_learn = max(self.history.count + 32, int(1.5 * self.history.count))
         self.chains.reweigh(self.target)
         self.kernel = -1  # densities changed: the states' weights are computed anew
@@ -194,10 +210,12 @@ class Sampler:
 
     def _alive(self, wi: Array, wo: Array) -> NDArray[np.bool_]:
         alive = (wi[:, 2] > 0) & (wo[:, 2] > 0)
-        if self.reachable is not None:
-            i = alive.nonzero()[0]
-            alive[i] = self.reachable(wi[i], wo[i])
+        i = alive.nonzero()[0]
+        alive[i] = self._supported(wi[i], wo[i])
         return alive
+
+    def _supported(self, wi: Array, wo: Array) -> NDArray[np.bool_]:
+        return np.ones(len(wi), bool) if self.reachable is None else self.reachable(wi, wo)
 
     def _screen(self, wi: Array, wo: Array, log_j: Array, alive, log_coin: Array) -> tuple[NDArray[np.bool_], Array]:
         """First stage of delayed acceptance (Christen & Fox 2005): the surrogate rejects without a measurement.
@@ -206,8 +224,10 @@ class Sampler:
         """
         c, started = self.chains, self.chains.started
         new, old = np.full(self.count, -np.inf), np.zeros(self.count)
-        new[alive] = self.target.log_prob(self.plan.screen(wi[alive], wo[alive]), wo[alive, 2])
-        old[started] = self.target.log_prob(self.plan.screen(c.wi[started], c.wo[started]), c.wo[started, 2])
+        new[alive] = self.target.log_prob(self.plan.screen(wi[alive], wo[alive]), wi[alive], wo[alive])
+        old[started] = self.target.log_prob(
+            self.plan.screen(c.wi[started], c.wo[started]), c.wi[started], c.wo[started]
+        )
         jacobian = c.log_w - c.log_p  # 0 where not started
         ratio = np.where(alive & started, new + log_j - old - jacobian, 0.0)
         return alive & (log_coin < ratio), ratio
@@ -222,26 +242,13 @@ class Sampler:
             return
         ready = r.ready(self.count)
         if ready > r.settled:
-            log_p, f, ids = self._values(r)
+            log_p, f, ids = r.values(self.target)
             for b in range(r.settled, ready):
                 cell = slice(b * self.count, (b + 1) * self.count)
                 self._judge(r, b, cell, log_p[cell], f[cell], ids[cell])
             r.settled = ready
-            if ready == r.block:
-                self._end_round(r)
-
-    def _values(self, r: Round) -> tuple[Array, Array, NDArray[np.int64]]:
-        """log target, f and id of every proposal; -inf where outside the support or not measured (yet)."""
-        n = len(r.wi)
-        ids = r.ids()
-        if len(r.where) == n and r.unanswered == 0 and np.isfinite(r.f.sum()):
-            return self.target.log_prob(r.f, r.wo[:, 2]), r.f, ids
-        good = (r.told & np.isfinite(r.f).all(1)).nonzero()[0]
-        at = r.where[good]
-        log_p, f = np.full(n, -np.inf), np.zeros((n, self.channels))
-        f[at] = r.f[good]
-        log_p[at] = self.target.log_prob(f[at], r.wo[at, 2])
-        return log_p, f, ids
+        if r.settled == r.block and r.unanswered == 0:
+            self._end_round(r)
 
     def _judge(self, r: Round, b: int, cell: slice, log_p: Array, f: Array, ids: NDArray[np.int64]) -> None:
         assert r.u is not None  # only the pilot has no coordinates, and it is not judged
@@ -257,6 +264,13 @@ class Sampler:
         self.log.add(self.step + b, r.kind[cell], ids, accepted, log_j, chains.at, chains.log_p, wi, wo)
 
     def _end_round(self, r: Round) -> None:
+        others = slice(r.block * self.count, None)
+        if len(r.wi) > r.block * self.count:
+            log_p, _, ids = r.values(self.target)
+            log_p[r.kind == FILL] = np.nan
+            self.log.add_others(
+                self.step + 1, ids[others], r.kind[others], -r.log_j[others], log_p[others], r.wi[others], r.wo[others]
+            )
         self.step += r.block
         self._close(r)
 
@@ -264,7 +278,7 @@ class Sampler:
         good = np.isfinite(r.f).all(1)
         if good.any():
             self.target.rescale(r.f[good], r.wo[good, 2], -r.log_j[good])
-        self.log.add_pilot(r.ids(), -r.log_j, r.wi, r.wo)
+        self.log.add_others(0, r.ids(), r.kind, -r.log_j, np.full(len(r.wi), np.nan), r.wi, r.wo)
         self._pilot = False
         self._close(r)
 
@@ -279,4 +293,4 @@ class Sampler:
         if self.history is not None:
             i = r.where[measured]
             log_q = np.where(r.kind[i] == LOCAL, np.nan, -r.log_j[i])
-            self.history.add(r.first_id + measured, r.wi[i], r.wo[i], r.f[measured], log_q)
+            self.history.add(r.first_id + measured, r.wi[i], r.wo[i], r.f[measured], r.sigma[measured], log_q)

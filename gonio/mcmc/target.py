@@ -1,10 +1,13 @@
-"""The chain's target p(wi, wo) ∝ (s(f)^power + floor) cos theta_o (METHOD 1 and 6).
+"""What the chain visits in proportion to. `Target`: the energy, p(wi, wo) ∝ (s(f)^power + floor) cos theta_o (METHOD 1
+and 6). `Unknown`: what is not known yet, see gonio.mcmc.plans.epoch.
 
 s is one number made of the channels: one of them, their luminance, their mean, or the largest after each is divided
 by its own albedo ("max": every channel's features are seen, however dark it is). The floor is a constant chosen so
 that the given share of the draws comes from it, where f is low. Weights f cos / p are stored with every step, so that
 integrals and fits are right for any target.
 """
+
+from typing import Protocol
 
 import numpy as np
 
@@ -14,8 +17,17 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709, linear RGB
 TINY = 1e-300
 
 
+class Frozen(Protocol):
+    """The part of a target that does not hang on the reading: the inverse (N, C) of the albedos by which channels are
+    divided, floor (N,), log of the rest (N,)."""
+
+    def inverse_albedo(self, wi: Array) -> Array: ...
+    def floor(self, wi: Array) -> Array: ...
+    def log_rest(self, wi: Array, wo: Array) -> Array: ...
+
+
 class Target:
-    """log p for BRDF values (N, C) and cos theta_o. `rescale` sets the albedos and the floor from what was measured."""
+    """log p of BRDF values (N, C) at wi, wo (N, 3). `rescale` sets albedos and floor from what was measured."""
 
     def __init__(self, channels: int | str, power: float, floor: float, count: int):
         self.channels, self.power, self.floor_share = channels, power, floor
@@ -28,23 +40,26 @@ class Target:
         return self.channels == "max" or self.floor_share > 0
 
     def scalar(self, f: Array) -> Array:
-        """s(f)^power, (N,); negative readings count as 0 (the bias this makes is in docs/sampling.md)."""
+        """s(f), (N,); negative readings count as 0 (the bias this makes is in docs/sampling.md)."""
         f = np.maximum(f, 0)
         if isinstance(self.channels, int):
-            s = f[:, self.channels]
-        elif self.channels == "luminance":
-            s = f @ LUMINANCE
-        elif self.channels == "mean":
-            s = f.mean(1)
-        else:
-            s = f[:, 0] * self.inverse_albedo[0]
-            for c in range(1, f.shape[1]):
-                s = np.maximum(s, f[:, c] * self.inverse_albedo[c])
+            return f[:, self.channels]
+        if self.channels == "luminance":
+            return f @ LUMINANCE
+        if self.channels == "mean":
+            return f.mean(1)
+        s = f[:, 0] * self.inverse_albedo[0]
+        for c in range(1, f.shape[1]):
+            s = np.maximum(s, f[:, c] * self.inverse_albedo[c])
+        return s
+
+    def _strength(self, f: Array) -> Array:
+        s = self.scalar(f)
         return s if self.power == 1 else s**self.power
 
-    def log_prob(self, f: Array, cos_o: Array) -> Array:
+    def log_prob(self, f: Array, wi: Array, wo: Array) -> Array:
         """log p up to a constant, (N,); -inf nowhere: a tiny number stands for 0 so that no NaN can arise."""
-        return np.log((self.scalar(f) + self.floor) * cos_o + TINY)
+        return np.log((self._strength(f) + self.floor) * wo[:, 2] + TINY)
 
     def rescale(self, f: Array, cos_o: Array, log_q: Array) -> None:
         """Albedos and floor from draws (N,) of density exp(log_q): importance estimates of ∫∫ f cos and ∫∫ s cos."""
@@ -54,7 +69,7 @@ class Target:
             return
         # a channel that is nearly dead is not blown up beyond a thousandth of the brightest
         self.inverse_albedo = total.max() / np.maximum(total, 1e-3 * total.max())
-        mean = (self.scalar(f) @ w) / w.sum()
+        mean = (self._strength(f) @ w) / w.sum()
         self.floor = self.floor_share / (1 - self.floor_share) * mean
 
     def copy(self) -> "Target":
@@ -68,3 +83,34 @@ class Target:
 
     def restore(self, state: dict) -> None:
         self.inverse_albedo, self.floor = np.array(state["inverse_albedo"]), float(state["floor"])
+
+
+class Unknown(Target):
+    """What the epoch in force makes of the readings; the energy itself before there is one. Channels count by their
+    share of their own albedo at that theta_i, and the floor is the epoch's too."""
+
+    def __init__(self, channels: int | str, power: float, floor: float, count: int):
+        super().__init__(channels, power, 0.0, count)
+        self.epoch: Frozen | None = None
+
+    def copy(self) -> "Unknown":
+        """Without the epoch in force."""
+        other = Unknown(self.channels, self.power, 0.0, len(self.inverse_albedo))
+        other.restore(self.state())
+        return other
+
+    def log_strength(self, f: Array, inverse_albedo: Array, floor: Array) -> Array:
+        """log (s + floor)^power (N,) of f, inverse_albedo (N, C)."""
+        f = np.maximum(f, 0) * inverse_albedo
+        if isinstance(self.channels, int):
+            s = f[:, self.channels]
+        elif self.channels == "luminance":
+            s = f @ LUMINANCE
+        else:
+            s = f.mean(1) if self.channels == "mean" else f.max(1)
+        return self.power * np.log(s + floor + TINY)
+
+    def log_prob(self, f: Array, wi: Array, wo: Array) -> Array:
+        if (e := self.epoch) is None:
+            return super().log_prob(f, wi, wo)
+        return self.log_strength(f, e.inverse_albedo(wi), e.floor(wi)) + e.log_rest(wi, wo)

@@ -7,6 +7,7 @@ never falls below a floor, since a surrogate that says 0 where the sample does n
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from gonio.geometry import Array
 from gonio.reconstruct.clean import clean
@@ -24,6 +25,8 @@ from gonio.reconstruct.tables.sampled import Sampled
 TESTED = 300
 LOOKED_AT, POINTS = 1000, 300  # samples and, per incidence, directions that the estimate is made of
 FLOOR = 0.01
+AROUND, MISSED_OF = 8, 2000  # samples that say how rough it is at a place, of so many
+SMOOTHEST, LARGEST_MISS = 0.02, 2.0
 
 
 class RunningBrdf(Sampled):
@@ -74,6 +77,33 @@ class RunningBrdf(Sampled):
         """Half the width of that interval, (N, C)."""
         low, high = self.interval(wi, wo)
         return 0.5 * (high - low)
+
+    @property
+    def dimensions(self) -> int:
+        return self.stretch.dimensions
+
+    def coordinates(self, wi: Array, wo: Array) -> Array:
+        """(N, d): those in which the residual is smooth."""
+        return self.stretch(self.frame.angles(wi, wo))
+
+    def measure(self, wi: Array, wo: Array) -> Array:
+        """|dwi dwo| per volume of the coordinates, (N,), up to a constant."""
+        return self.stretch.measure(self.frame.angles(wi, wo))
+
+    def roughness(self, wi: Array, wo: Array) -> Array:
+        """By how much samples around are missed by their neighbours, (N,), in y; never 0."""
+        square, tree = self._missed
+        count = min(AROUND, len(square))
+        _, near = tree.query(self.coordinates(wi, wo), count)
+        return np.sqrt(square[near.reshape(-1, count)].mean(1)) + SMOOTHEST
+
+    @cached_property
+    def _missed(self) -> tuple[Array, cKDTree]:
+        """Mean squares (M,) by which samples are missed without themselves, and where they lie."""
+        p = self.problem
+        looked = np.random.default_rng(0).permutation(len(p.samples))[:MISSED_OF]
+        error = np.minimum(np.abs(left_out(self._x, p.y, p.variance, looked) - p.y[looked]), LARGEST_MISS)
+        return (error**2).mean(1), cKDTree(self._x[looked])
 
     def _above(self, wi: Array, wo: Array) -> Array:
         p = self.problem

@@ -56,7 +56,7 @@ class Run:
         try:
             if state := store.kept():
                 rig.restore(state)
-            sampler = make_sampler(material, rig.reachable, good_enough.fit_surrogate)
+            sampler = make_sampler(material, rig.reachable, good_enough.fit_surrogate, budgets(store, material))
             rig.surrogate = good_enough.expected
             reason = acquire(
                 sampler, rig, store, material, watch=watch, interrupted=interrupted, good_enough=good_enough
@@ -129,6 +129,16 @@ def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = ()) -> R
         write_config(folder, config)
     store.event("resumed", f"gonio {gonio.__version__}, truth {origin or 'what lies on the rig'}")
     return Run(config, store, truth)
+
+
+def budgets(store: Store, material: Material) -> tuple[int, ...]:
+    """Every budget of measurements the run has had, the present one noted too: blocks end at them, so that a run whose
+    budget was raised is, up to the old one, the run it was."""
+    known = store.get("budgets", [])
+    if (now := material.budget.measurements) is not None and now not in known:
+        known = sorted([*known, now])
+        store.put("budgets", known)
+    return tuple(known)
 
 
 def note_flow(plan, store: Store) -> None:

@@ -33,13 +33,13 @@ class GoodEnough:
                 return f"estimated energy error {progress.energy_error:.3f} (goal {stop.energy_error:g})"
         return None
 
-    def fit_surrogate(self, wi: Array, wo: Array, f: Array) -> Brdf | None:
+    def fit_surrogate(self, wi: Array, wo: Array, f: Array, sigma: Array | None = None) -> Brdf | None:
         """The running reconstruction, None where the samples do not make one (yet); `expected` asks the last one."""
         from gonio.reconstruct.errors import ReconstructionError
         from gonio.reconstruct.running import fit
 
         try:
-            found = fit(Samples.of(wi, wo, f), anisotropic=self.anisotropic)
+            found = fit(Samples.of(wi, wo, f, sigma), anisotropic=self.anisotropic)
         except ReconstructionError:
             return None
         self._surrogate = found

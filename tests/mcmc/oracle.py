@@ -13,6 +13,7 @@ from gonio.brdf.models.lambert import Lambert
 from gonio.brdf.models.microfacet import Ggx
 from gonio.brdf.models.mixture import Mixture
 from gonio.geometry import above_horizon, from_half_diff, to_half_diff
+from gonio.mcmc.plans.blind import Blind
 from gonio.mcmc.sampler import Sampler
 from gonio.mcmc.target import Target
 
@@ -55,7 +56,7 @@ def exact_bins(brdf, target, counts=(6, 4, 3), support=None, fine=(240, 96, 48),
     ok = above_horizon(wi, wo)
     if support is not None:
         ok[ok] = support(wi[ok], wo[ok])
-    p = np.exp(target.log_prob(brdf.eval(wi[ok], wo[ok]), wo[ok, 2]))
+    p = np.exp(target.log_prob(brdf.eval(wi[ok], wo[ok]), wi[ok], wo[ok]))
     weight[ok] = p * 4 * np.cos(td[ok]) * np.sin(td[ok]) * np.sin(th[ok]) * np.sqrt(th[ok])
     weight = (weight / weight.sum()).reshape(grid[0].shape)
     edges, cells = [], []
@@ -73,6 +74,19 @@ def exact_bins(brdf, target, counts=(6, 4, 3), support=None, fine=(240, 96, 48),
         share = np.stack([share.take(np.flatnonzero(cell == c), axis=k).sum(k) for c in range(wanted[k])], k)
     mean = np.array([(weight.ravel() * np.cos(th)).sum(), (weight.ravel() * np.cos(td)).sum()])
     return Bins(edges, share, mean)
+
+
+class Known(Blind):
+    """A running reconstruction that is what it was told to be."""
+
+    def __init__(self, brdf):
+        super().__init__(brdf.channels)
+        self.eval = brdf.eval
+
+    def coordinates(self, wi, wo):
+        theta_h, theta_d, phi_d, _ = coordinates(wi, wo)  # not the azimuth: as for an isotropic sample
+        d = np.sin(theta_d)
+        return np.stack([np.arcsinh(theta_h / self.t0), theta_d, d * np.cos(phi_d), d * np.sin(phi_d)], 1)
 
 
 def run(plan, brdf, *, chains, steps, target=None, seed=1, reachable=None, noise=0.0, shuffle=False, anisotropic=False):

@@ -87,7 +87,7 @@ def test_spoilt_weights_fall_back_to_auto_and_say_so(monkeypatch):
         raise FlowError("code.npz: not a flow's weights; make them with `gonio bench pretrain`")
 
     monkeypatch.setattr(shipped, "conditional", spoilt)
-    s, auto = sampler(CODE), sampler({"proposal": "auto"})
+    s, auto = sampler(CODE), sampler({"proposal": "auto", "target": {"kind": "energy"}})
     for (wi, _), (vi, _) in zip(advance(s, 400), advance(auto, 400)):
         assert np.array_equal(wi, vi)  # the very chain `auto` would have made
     assert s.plan.audit and all(e["chosen"] == "none" and "code.npz" in e["why"] for e in s.plan.audit)
@@ -120,7 +120,7 @@ def test_without_torch(proposal):
         "sys.path.insert(0, 'tests/mcmc')\n"
         "from test_flow_plan import sampler, advance\n"
         f"s = sampler({{'proposal': '{proposal}'}}); advance(s, 700)\n"
-        "print(s.step)"
+        "print(s.next_id)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-500:]

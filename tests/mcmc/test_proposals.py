@@ -33,7 +33,7 @@ def bins():
 
 
 def plan_of(name, anisotropic=False, **more):
-    return make_plan(SamplerConfig(proposal=name, **(CONFIG | more)), anisotropic)
+    return make_plan(SamplerConfig(proposal=name, target={"kind": "energy"}, **(CONFIG | more)), anisotropic)
 
 
 @pytest.mark.parametrize("name", PLAIN)

@@ -20,12 +20,12 @@ from gonio.brdf.models.lambert import Lambert
 from gonio.brdf.models.microfacet import Beckmann, Ggx
 from gonio.brdf.models.mixture import Mixture
 from gonio.config.loader import Section
-from gonio.config.material import Target as TargetConfig
+from gonio.config.material import SamplerConfig
 from gonio.flow.cubes import make_cube
 from gonio.flow.flow import Flow, Shape
 from gonio.flow.pool import resampled, weighted
 from gonio.geometry import Array
-from gonio.mcmc.target import Target
+from gonio.mcmc.plans import make_target
 
 KEPT = 20  # networks for validation
 
@@ -118,14 +118,13 @@ def pool(brdf: Brdf, config: Config, rng: np.random.Generator) -> Array:
 
 
 def target_of(brdf: Brdf, rng: np.random.Generator) -> Callable[[Array, Array], Array]:
-    """log of the sampler's default target of a BRDF, its albedos and floor set by even draws."""
-    default = TargetConfig()
-    target = Target(default.channels, default.power, default.floor, brdf.channels)
+    """log of a flow's default target of a BRDF, its albedos and floor set by even draws."""
+    target = make_target(SamplerConfig(proposal="flow"), brdf.channels)
     cube = make_cube("half", 0.1)
     x = rng.random((40_000, 3))
     wi, wo = cube.to_directions(x)
     target.rescale(brdf.eval(wi, wo), wo[:, 2], -cube.log_jacobian(x, wi, wo) - np.log(4 * np.pi))
-    return lambda wi, wo: target.log_prob(brdf.eval(wi, wo), wo[:, 2])
+    return lambda wi, wo: target.log_prob(brdf.eval(wi, wo), wi, wo)
 
 
 def random_lobes(rng: np.random.Generator) -> Brdf:

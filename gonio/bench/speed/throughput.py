@@ -77,7 +77,7 @@ def emcee_steps_per_second(brdf: Ggx, config: Config) -> float:
         wi, wo, log_j = proposal.place(np.clip(u, 1e-12, 1 - 1e-12).T)
         ok = inside & (wi[:, 2] > 0) & (wo[:, 2] > 0)
         out = np.full(len(u), -np.inf)
-        out[ok] = target.log_prob(brdf.eval(wi[ok], wo[ok]), wo[ok, 2]) + log_j[ok]
+        out[ok] = target.log_prob(brdf.eval(wi[ok], wo[ok]), wi[ok], wo[ok]) + log_j[ok]
         return out
 
     start = np.random.default_rng(0).uniform(0.05, 0.3, (config.chains, 3))

@@ -45,7 +45,7 @@ class Chains:
         """log_p anew after the target's albedos or floor changed."""
         started = self.started
         self.log_p = self.log_p.copy()  # the step log keeps the arrays it was given
-        self.log_p[started] = target.log_prob(self.f[started], self.wo[started, 2])
+        self.log_p[started] = target.log_prob(self.f[started], self.wi[started], self.wo[started])
 
     def move(self, accepted, u, wi, wo, f, log_p, log_w, ids) -> None:
         """Chains `accepted` (C,) go there; all arrays over chains, none of them changed later by anybody."""

@@ -11,11 +11,12 @@ from gonio.geometry import Array
 
 @dataclass
 class Round:
-    """N = block x chains proposals, those of one step of all chains side by side; M of them are to be measured.
+    """N = block x chains proposals, those of one step of all chains side by side, and after them others that are no
+    chain's; M of them are to be measured.
 
     u (n, N) coordinates (None in the pilot), wi, wo (N, 3), log_j (N,) log Jacobian, kind (N,), log_coin (block,
     chains) logs of the uniforms that decide acceptance; where (M,) positions of the measured ones, whose ids are
-    first_id, first_id + 1, …; f (M, C) as told so far, told (M,); log_s (N,) what the surrogate's stage already
+    first_id, first_id + 1, …; f, sigma (M, C) as told so far, told (M,); log_s (N,) what the surrogate's stage already
     accounted for.
     """
 
@@ -29,6 +30,7 @@ class Round:
     first_id: int
     block: int
     f: Array
+    sigma: Array
     told: NDArray[np.bool_]
     log_s: Array | None = None
     settled: int = 0
@@ -41,8 +43,8 @@ class Round:
         """A round whose proposals `alive` (N,) wait for a measurement; the others are settled free of charge."""
         where = alive.nonzero()[0]
         m = len(where)
-        f, told = np.empty((m, channels)), np.zeros(m, bool)
-        return cls(u, wi, wo, log_j, kind, log_coin, where, first_id, block, f, told, log_s, 0, m)
+        f, sigma, told = np.empty((m, channels)), np.zeros((m, channels)), np.zeros(m, bool)
+        return cls(u, wi, wo, log_j, kind, log_coin, where, first_id, block, f, sigma, told, log_s, 0, m)
 
     def wanted(self) -> tuple[NDArray[np.int64], Array, Array]:
         """ids, wi, wo not answered yet, in drawn order."""
@@ -55,7 +57,7 @@ class Round:
             return ids, self.wi, self.wo
         return ids, self.wi[self.where], self.wo[self.where]
 
-    def answer(self, ids: NDArray[np.int64], f: Array) -> None:
+    def answer(self, ids: NDArray[np.int64], f: Array, sigma: Array | None) -> None:
         """Fill in measurements. Raises KeyError for an id that was not asked for or was told before."""
         k = ids - self.first_id
         if k.min() < 0 or k.max() >= len(self.where):
@@ -63,6 +65,8 @@ class Round:
         if self.unanswered < len(self.where) and self.told[k].any():
             raise KeyError(f"measurements {ids[self.told[k]]} were told before")
         self.f[k] = f
+        if sigma is not None:
+            self.sigma[k] = sigma
         self.told[k] = True
         self.unanswered -= len(ids)
 
@@ -70,13 +74,25 @@ class Round:
         """Steps of the block for which all chains have their answers."""
         if self.unanswered == 0:
             return self.block
-        return int(self.where[np.argmin(self.told)]) // chains
+        return min(int(self.where[np.argmin(self.told)]) // chains, self.block)
 
     def ids(self) -> NDArray[np.int64]:
         """(N,) measurement of each proposal, -1 where free."""
         ids = np.full(len(self.wi), -1, np.int64)
         ids[self.where] = np.arange(self.first_id, self.first_id + len(self.where))
         return ids
+
+    def values(self, target) -> tuple[Array, Array, NDArray[np.int64]]:
+        """log target (N,), f (N, C) and id (N,) of every proposal; -inf where outside the support or not measured."""
+        n, ids = len(self.wi), self.ids()
+        if len(self.where) == n and self.unanswered == 0 and np.isfinite(self.f.sum()):
+            return target.log_prob(self.f, self.wi, self.wo), self.f, ids
+        good = (self.told & np.isfinite(self.f).all(1)).nonzero()[0]
+        at = self.where[good]
+        log_p, f = np.full(n, -np.inf), np.zeros((n, self.f.shape[1]))
+        f[at] = self.f[good]
+        log_p[at] = target.log_prob(f[at], self.wi[at], self.wo[at])
+        return log_p, f, ids
 
     def state(self) -> dict[str, Any]:
         return {k.name: _copy(getattr(self, k.name)) for k in fields(self)}

@@ -3,7 +3,7 @@
 A plan offers `kernels` [(proposal, block)], `learns`, `learn(target, wi, wo, f, log_q)` on all but the chains' present
 points, `screen` (a surrogate's eval for delayed acceptance, or None), `state()` and `restore()`; one that wants to know
 where chains go besides offers `follow(accepted, wi, wo)`. A cycle of kernels each of which leaves the target alone
-leaves it alone.
+leaves it alone. One that designs its blocks as a whole offers `pilot()` and `design(...)` instead (`UnknownPlan`).
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from gonio.mcmc.proposals.independence import Independence, single_lobe
 from gonio.mcmc.proposals.pss_simple import PssSimple
 from gonio.mcmc.proposals.pss_vndf import PssVndf
 from gonio.mcmc.proposals.vmf import VmfHd, VmfIo
-from gonio.mcmc.target import Target
+from gonio.mcmc.target import Target, Unknown
 
 
 class Fixed:
@@ -59,8 +59,20 @@ def plain_proposal(name: str, c: SamplerConfig, anisotropic: bool):
     raise KeyError(name)
 
 
-def make_plan(c: SamplerConfig, anisotropic: bool, fit_surrogate: Callable | None = None, seed: int = 0):
-    """The plan a config names. fit_surrogate(wi, wo, f) -> Brdf is what `delayed` screens proposals with."""
+def make_plan(
+    c: SamplerConfig,
+    anisotropic: bool,
+    fit_surrogate: Callable | None = None,
+    seed: int = 0,
+    reachable: Callable | None = None,
+    cuts: tuple[int, ...] = (),
+):
+    """The plan a config names. fit_surrogate(wi, wo, f[, sigma]) -> Brdf is the running reconstruction; reachable and
+    cuts as in `UnknownPlan`."""
+    if c.target.kind == "unknown":
+        from gonio.mcmc.plans.unknown import UnknownPlan
+
+        return UnknownPlan(fit_surrogate, anisotropic=anisotropic, reachable=reachable, cuts=cuts, adapt=bool(c.adapt))
     if c.proposal == "auto":
         from gonio.mcmc.plans.auto import Auto
 
@@ -83,4 +95,6 @@ def make_plan(c: SamplerConfig, anisotropic: bool, fit_surrogate: Callable | Non
 
 
 def make_target(c: SamplerConfig, channels: int) -> Target:
-    return Target(c.target.channels, c.target.power, c.target.floor, channels)
+    assert c.target.channels is not None and c.target.power is not None
+    kind = Unknown if c.target.kind == "unknown" else Target
+    return kind(c.target.channels, c.target.power, c.target.floor, channels)

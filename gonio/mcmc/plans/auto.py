@@ -74,7 +74,7 @@ class Auto:
         if not (f[known] > 0).any():
             return
         target.rescale(f[known], wo[known, 2], log_q[known])
-        log_w = target.log_prob(f[known], wo[known, 2]) - log_q[known]
+        log_w = target.log_prob(f[known], wi[known], wo[known]) - log_q[known]
         self._fit_density(wi[known], wo[known], log_w)
         self.fits += 1
         if self.fit_surrogate is not None and len(f) >= self._next_surrogate:
@@ -108,10 +108,10 @@ class Auto:
             unseen = (np.arange(len(f)) % HELD_OUT == 0) & np.isfinite(log_q)
             self.independence.density, self.independence.screened = choose(
                 mixtures,
-                lambda wi, wo: frozen.log_prob(screen(wi, wo), wo[:, 2]) + log_lean(wi),
+                lambda wi, wo: frozen.log_prob(screen(wi, wo), wi, wo) + log_lean(wi),
                 wi[unseen],
                 wo[unseen],
-                target.log_prob(f[unseen], wo[unseen, 2]),
+                target.log_prob(f[unseen], wi[unseen], wo[unseen]),
                 log_q[unseen],
             )
         lobes = self.shares[:, :-2].sum(0)

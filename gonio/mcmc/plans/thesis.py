@@ -48,7 +48,7 @@ class ThesisFlow:
         if known.any() and (f[known] > 0).any() and not self.chosen:
             target.rescale(f[known], wo[known, 2], log_q[known])
             x = self.cube.from_directions(wi[known], wo[known])
-            w = truncated(target.log_prob(f[known], wo[known, 2]) - log_q[known])
+            w = truncated(target.log_prob(f[known], wi[known], wo[known]) - log_q[known])
             self._use(max((q for _, q in shipped.zoo()), key=lambda q: mean_log_prob(q, x, w)))
             self.chosen = True
         if len(self.accepted) < FEWEST:

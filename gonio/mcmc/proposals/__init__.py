@@ -17,8 +17,9 @@ does not depend on where the chain is offers, instead of `propose` and `place`,
     draw_block(uniform)          -> u, wi, wo, log_jacobian of up to `block` steps of all chains
 
 Its coordinates are the directions themselves and its `log_jacobian` is -log q: the same formula then is the ratio of
-importance weights. `kind` (N,) says for the log what each move was.
+importance weights. `kind` (N,) says for the log what each move was;
+drawn and fill are measurements that are no step (gonio.mcmc.plans.unknown): with a density, without one.
 """
 
-LOCAL, GLOBAL, INDEPENDENCE, PILOT = 0, 1, 2, 3
-KINDS = ("local", "global", "independence", "pilot")
+LOCAL, GLOBAL, INDEPENDENCE, PILOT, DRAWN, FILL = range(6)
+KINDS = ("local", "global", "independence", "pilot", "drawn", "fill")

@@ -25,7 +25,18 @@ def read_config(folder: str | os.PathLike[str], overrides: tuple[str, ...] = ())
         text = path.read_text()
     except OSError as e:
         raise ConfigError(f"{path}: {e.strerror}; name a run folder that `gonio acquire` made") from None
+    if not _says_its_target(text):
+        overrides = ("material.sampler.target.kind=energy", *overrides)
     return parse_config(text, RunConfig, overrides, source=str(path))
+
+
+def _says_its_target(text: str) -> bool:
+    """Whether a run says what its chain's target is; runs made when there was only one do not."""
+    try:
+        target = yaml.safe_load(text)["material"]["sampler"]["target"]
+    except (yaml.YAMLError, TypeError, KeyError):
+        return True  # not a run's config; what is wrong with it is said where it is read
+    return "kind" in target if isinstance(target, dict) else True
 
 
 def write_config(folder: str | os.PathLike[str], config: RunConfig) -> None:
