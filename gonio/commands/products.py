@@ -29,16 +29,19 @@ def evaluate(
     truth: Annotated[str | None, typer.Option(help="the BRDF to compare with [default: the run's own truth]")] = None,
     json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
-    """Compare with a known BRDF: energy, brightness, log error, grazing."""
-    from gonio.run.products import evaluate_run
+    """Compare with a known BRDF: energy, brightness, log error, grazing; of a run its albedos too, with errors."""
+    from gonio.run.products import albedo_of_run, evaluate_run
 
     figures = evaluate_run(run, truth)
+    albedo = albedo_of_run(run)
     if json:
         import json as js
 
-        typer.echo(js.dumps(figures))
-    else:
-        typer.echo("  ".join(f"{k} {v:.4f}" for k, v in figures.items()))
+        typer.echo(js.dumps(figures | albedo.to_json()))
+        return
+    typer.echo("  ".join(f"{k} {v:.4f}" for k, v in figures.items()))
+    for name, values in albedo.rows().items():
+        typer.echo(f"{name}  {values}")
 
 
 def export(

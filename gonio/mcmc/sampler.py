@@ -179,7 +179,7 @@ class Sampler:
         u, coins = np.concatenate([d.wi.T, d.wo.T]), np.log(uniform[:, 1] + TINY)
         if not d.alive.any():
             raise NoSupport("no pair of directions can be measured; check the rig's limits and stay-out cone")
-        self._open(Round.of(u, d.wi, d.wo, -d.log_q, d.kind, coins, d.alive, **self._sizes(1)))
+        self._open(Round.of(u, d.wi, d.wo, -d.log_q, d.kind, coins, d.alive, log_rest=d.log_rest, **self._sizes(1)))
 
     def _open(self, r: Round) -> None:
         self._round = r

@@ -110,7 +110,9 @@ class Unknown(Target):
             s = f.mean(1) if self.channels == "mean" else f.max(1)
         return self.power * np.log(s + floor + TINY)
 
-    def log_prob(self, f: Array, wi: Array, wo: Array) -> Array:
+    def log_prob(self, f: Array, wi: Array, wo: Array, log_rest: Array | None = None) -> Array:
+        """As for any target; log_rest (N,) where the epoch has worked it out before."""
         if (e := self.epoch) is None:
             return super().log_prob(f, wi, wo)
-        return self.log_strength(f, e.inverse_albedo(wi), e.floor(wi)) + e.log_rest(wi, wo)
+        rest = e.log_rest(wi, wo) if log_rest is None else log_rest
+        return self.log_strength(f, e.inverse_albedo(wi), e.floor(wi)) + rest

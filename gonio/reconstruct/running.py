@@ -79,6 +79,11 @@ class RunningBrdf(Sampled):
         return 0.5 * (high - low)
 
     @property
+    def held_out(self) -> float:
+        """The energy error of samples that were held out: relative, where samples are."""
+        return self._held_out
+
+    @property
     def dimensions(self) -> int:
         return self.stretch.dimensions
 

@@ -1,5 +1,7 @@
 """The report's figures, each a function of plain arrays that returns a matplotlib Figure."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -90,6 +92,21 @@ def acceptance(step: Array, accepted: Array, measured: Array) -> Figure:
             axis.plot((np.arange(n) + 0.5) * window, values[: n * window].reshape(n, window).mean(1), label=name)
     axis.set_ylim(0, 1.02)
     axis.set_xlabel("step, all chains in turn")
+    axis.legend()
+    return figure
+
+
+def albedos(edges: Array, value: Array, error: Array, channels: Sequence[str]) -> Figure:
+    """Albedo (K, C) over bands of theta_i between `edges` (K + 1), radians, two standard errors either way."""
+    figure = Figure(figsize=(10, 2.8), layout="constrained")
+    axis = figure.subplots()
+    middle, half = np.degrees(0.5 * (edges[1:] + edges[:-1])), np.degrees(0.5 * np.diff(edges))
+    for c, name in list(enumerate(channels))[:8]:
+        known = np.isfinite(error[:, c])
+        bars = 2 * error[known, c], half[known]
+        axis.errorbar(middle[known], value[known, c], *bars, ls="none", capsize=3, label=name)
+    axis.set_xlabel("θi [deg]")
+    axis.set_ylim(0, None)
     axis.legend()
     return figure
 

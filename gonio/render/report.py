@@ -13,10 +13,12 @@ from gonio.brdf import Brdf
 from gonio.config.material import Material
 from gonio.export.netcdf import chain_arrays
 from gonio.mcmc import diagnostics
-from gonio.mcmc.proposals import KINDS
+from gonio.mcmc.proposals import DRAWN, FILL, KINDS
+from gonio.reconstruct.integrals import EDGES
 from gonio.reconstruct.samples import Samples
 from gonio.render import figures
 from gonio.render.verdict import Verdict, verdict
+from gonio.run.record.integrals import AlbedoOfRun
 from gonio.run.record.store import Store
 
 STYLE = """
@@ -48,6 +50,7 @@ def write_report(
     )
     if truth is not None:
         parts.append(_table("Beside the truth", _scores(brdf, truth) | _holes(truth)))
+    parts.append(_albedos(AlbedoOfRun.of(store, material)))
     parts.append(
         _section(
             "Slices in the plane of incidence",
@@ -90,6 +93,7 @@ def _facts(store: Store, material: Material, m, steps, brdf: Brdf) -> str:
         "ended": store.get("ended") or "not yet",
         "measurements": f"{len(m.id)} ({failed} could not be measured, {int(m.saturated.sum())} saturated)",
         "steps": f"{int(chain_rows.sum())} in {material.sampler.chains} chain(s), {free} free",
+        **_blocks(steps),
         "rig time": f"{m.rig_s.sum() / 60:.1f} min",
         "wall time": f"{m.wall_s.max(initial=0):.1f} s",
         "proposal": material.sampler.proposal,
@@ -101,6 +105,15 @@ def _facts(store: Store, material: Material, m, steps, brdf: Brdf) -> str:
     if estimate is not None:
         rows["estimated energy error"] = f"{float(estimate):.3f} (no truth needed)"
     return _table("Run", rows)
+
+
+def _blocks(steps) -> dict[str, str]:
+    """What a run that designs its blocks measured besides the chains' steps."""
+    drawn, filled = (int((steps["kind"] == kind).sum()) for kind in (DRAWN, FILL))
+    if drawn + filled == 0:
+        return {}
+    blocks = len(np.unique(steps["chain"][steps["kind"] == FILL]))
+    return {"blocks": f"{blocks} after the pilot: {drawn} more draws with weights, {filled} that fill holes"}
 
 
 def _scores(brdf: Brdf, truth: Brdf) -> dict[str, str]:
@@ -145,6 +158,14 @@ def _chains(store: Store, steps) -> str:
         parts.append(_table("Chains", rows))
         parts.append(_section("Traces, ranks, running integral", figures.traces(theta_h, phi_d)))
     return "".join(parts)
+
+
+def _albedos(a: AlbedoOfRun) -> str:
+    if a.found is None:
+        return ""
+    figure = figures.albedos(EDGES, a.found.value, a.found.error, a.channels)
+    text = "By all that was drawn, whatever the reconstruction is worth; bars: two standard errors."
+    return _section("Albedo over θi", figure, text) + _table("Albedos ± standard error", a.rows())
 
 
 def _flow(store: Store, samples: Samples, density) -> str:

@@ -2,6 +2,7 @@
 
 import warnings
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import gonio
 from gonio.brdf import Brdf
@@ -9,6 +10,9 @@ from gonio.config import ConfigError
 from gonio.run.record.config import read_config
 from gonio.run.record.samples import load_samples
 from gonio.run.record.store import Store
+
+if TYPE_CHECKING:
+    from gonio.run.record.integrals import AlbedoOfRun
 
 
 def make_brdf(folder: Path, model: str | None = None, out: Path | None = None) -> str:
@@ -65,6 +69,16 @@ def evaluate_run(path: str, truth: str | None) -> dict[str, float]:
     if brdf.channels != reference.channels:
         raise ConfigError(f"--truth {truth}: has {reference.channels} channels, {path} has {brdf.channels}")
     return evaluate(brdf, reference)
+
+
+def albedo_of_run(path: str) -> "AlbedoOfRun":
+    """The albedos of a run folder; of a BRDF file nothing was drawn, and there are none."""
+    from gonio.run.record.integrals import AlbedoOfRun
+
+    if not (Path(path) / "config.yaml").is_file():
+        return AlbedoOfRun((), None)
+    with Store.open(path, write=False) as store:
+        return AlbedoOfRun.of(store, read_config(path).material)
 
 
 def open_truth(name: str) -> Brdf:

@@ -56,9 +56,12 @@ class GoodEnough:
         return float(fit(load_samples(self.store), anisotropic=self.anisotropic).energy_error_estimate)
 
     def effective_samples(self) -> float:
-        """The smallest ESS of theta_h, theta_d and |phi_d| over the chains together."""
+        """The smallest ESS of theta_h, theta_d and |phi_d| over the chains together; of a run that looks for the
+        unknown, that of the weights f cos / q of all its draws."""
         from gonio.mcmc.diagnostics import ess_bulk
 
+        if self.material.sampler.target.kind == "unknown":
+            return self._weighted_samples()
         m, steps = self.store.measured(), self.store.steps()
         keep = (steps["step"] >= 0) & (steps["state"] >= 0)
         row = np.searchsorted(m.id, steps["state"][keep])
@@ -72,3 +75,17 @@ class GoodEnough:
             ess_bulk(np.stack([q[chain == c][-length:] for c in range(chains)]))
             for q in (theta_h, theta_d, np.abs(phi_d))
         )
+
+    def _weighted_samples(self) -> float:
+        """Kish's count of each block, (sum w)^2 / sum w^2, of the channel with the fewest; all blocks together."""
+        from gonio.run.record.draws import load_draws
+
+        m = self.store.measured()
+        samples, draws = load_samples(self.store, m), load_draws(self.store, m)
+        total = np.zeros(len(self.material.channels))
+        for block in np.unique(draws.block):
+            mine = (draws.block == block) & (draws.row >= 0)
+            f = np.maximum(samples.f[draws.row[mine]], 0)
+            w = f * (draws.wo[mine, 2] * np.exp(-draws.log_q[mine]))[:, None]
+            total += w.sum(0) ** 2 / np.maximum((w**2).sum(0), 1e-300)
+        return float(total.min())

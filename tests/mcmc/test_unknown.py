@@ -159,7 +159,7 @@ def test_negative_control_draws_whose_thinning_is_forgotten_are_found(monkeypatc
 
     def forgetful(epoch, *args):
         b = whole(epoch, *args)
-        return unknown.Block(b.wi, b.wo, epoch.pool.log_prob(b.wi, b.wo), b.kind, b.alive)
+        return unknown.Block(b.wi, b.wo, epoch.pool.log_prob(b.wi, b.wo), b.kind, b.alive, b.log_rest)
 
     monkeypatch.setattr(unknown, "draw", forgetful)
     sampler = run(UnknownPlan(surrogate(0.6), anisotropic=False, adapt=False), 500, 12)
@@ -196,7 +196,7 @@ def test_integrals_of_what_was_drawn_are_unbiased():
     error = found.std(ddof=1) / np.sqrt(len(found))
     assert abs(found.mean() - exact) < 4 * error + 2e-3 * exact
     wrong = totals(0.6, range(4), lambda x: np.exp(0.9 * x)).mean(1)  # negative control: another density
-    assert abs(wrong.mean() - exact) > 8 * wrong.std() / np.sqrt(4)
+    assert abs(wrong.mean() / exact - 1) > 0.2
 
 
 # ---- blocks

@@ -265,8 +265,8 @@ def test_a_stop_is_obeyed_within_a_few_packets():
         order = log.index((254, 131))
         # one under way, where they are, the order, and whether it was taken
         assert order + 2 <= 4 + again and (254, 130) in log[order + 1 :], log
-        # the thread that moves them has seen the stop too, and says the same once more: nothing but that
-        assert len(log) <= order + 2 + 3 + again and set(log) == {(254, 130), (254, 131)}, log
+        # the thread that moves them may have a poll under way, sees the stop too and says the same once more: no more
+        assert len(log) <= order + 2 + 1 + 3 + again and set(log) == {(254, 130), (254, 131)}, log
         for s, first in zip(servos.values(), at_first):
             assert s._until < obeyed + 0.05, "still moving 50 ms later"
             assert min(first, s._from) - 1 <= s._to <= max(first, s._from) + 1, "went on, or farther back"

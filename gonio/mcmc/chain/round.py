@@ -17,7 +17,7 @@ class Round:
     u (n, N) coordinates (None in the pilot), wi, wo (N, 3), log_j (N,) log Jacobian, kind (N,), log_coin (block,
     chains) logs of the uniforms that decide acceptance; where (M,) positions of the measured ones, whose ids are
     first_id, first_id + 1, …; f, sigma (M, C) as told so far, told (M,); log_s (N,) what the surrogate's stage already
-    accounted for.
+    accounted for; log_rest (N,) the part of the target that was frozen when the block was designed.
     """
 
     u: Array | None
@@ -33,18 +33,32 @@ class Round:
     sigma: Array
     told: NDArray[np.bool_]
     log_s: Array | None = None
+    log_rest: Array | None = None
     settled: int = 0
     unanswered: int = 0
 
     @classmethod
     def of(
-        cls, u, wi, wo, log_j, kind, log_coin, alive, *, channels: int, first_id: int, block: int, log_s=None
+        cls,
+        u,
+        wi,
+        wo,
+        log_j,
+        kind,
+        log_coin,
+        alive,
+        *,
+        channels: int,
+        first_id: int,
+        block: int,
+        log_s=None,
+        log_rest=None,
     ) -> "Round":
         """A round whose proposals `alive` (N,) wait for a measurement; the others are settled free of charge."""
         where = alive.nonzero()[0]
         m = len(where)
         f, sigma, told = np.empty((m, channels)), np.zeros((m, channels)), np.zeros(m, bool)
-        return cls(u, wi, wo, log_j, kind, log_coin, where, first_id, block, f, sigma, told, log_s, 0, m)
+        return cls(u, wi, wo, log_j, kind, log_coin, where, first_id, block, f, sigma, told, log_s, log_rest, 0, m)
 
     def wanted(self) -> tuple[NDArray[np.int64], Array, Array]:
         """ids, wi, wo not answered yet, in drawn order."""
@@ -85,13 +99,14 @@ class Round:
     def values(self, target) -> tuple[Array, Array, NDArray[np.int64]]:
         """log target (N,), f (N, C) and id (N,) of every proposal; -inf where outside the support or not measured."""
         n, ids = len(self.wi), self.ids()
-        if len(self.where) == n and self.unanswered == 0 and np.isfinite(self.f.sum()):
+        if self.log_rest is None and len(self.where) == n and self.unanswered == 0 and np.isfinite(self.f.sum()):
             return target.log_prob(self.f, self.wi, self.wo), self.f, ids
         good = (self.told & np.isfinite(self.f).all(1)).nonzero()[0]
         at = self.where[good]
         log_p, f = np.full(n, -np.inf), np.zeros((n, self.f.shape[1]))
         f[at] = self.f[good]
-        log_p[at] = target.log_prob(f[at], self.wi[at], self.wo[at])
+        frozen = () if self.log_rest is None else (self.log_rest[at],)
+        log_p[at] = target.log_prob(f[at], self.wi[at], self.wo[at], *frozen)
         return log_p, f, ids
 
     def state(self) -> dict[str, Any]:

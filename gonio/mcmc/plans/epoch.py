@@ -29,7 +29,7 @@ from gonio.mcmc.target import Unknown
 BANDS = 15  # of theta_i, each with the same energy
 FLOOR = 0.05  # share of the energy that is laid evenly: what the reconstruction wrongly holds for black is visited
 GRAZING, LIGHTER = np.radians(86.0), 0.3  # the referee does not look beyond
-EMPTY, AT_MOST = 3, 2.0  # n = min(AT_MOST, hole / usual hole)^EMPTY
+EMPTY, AT_LEAST, AT_MOST = 3, 0.7, 1.3  # n = (hole / usual hole)^EMPTY between these: weights have no long tail
 CALIBRATION, USUAL = 8192, 2000  # candidates that c and a, and the usual hole, are found with
 TINY = 1e-300
 
@@ -125,8 +125,8 @@ class Epoch:
         v = np.where(theta_i(wi) > GRAZING, np.log(LIGHTER), 0.0)
         rest = self.target.power * (np.log(wo[:, 2]) + v + m + np.log(self.running.roughness(wi, wo)))
         expected = self.target.log_strength(self.running.eval(wi, wo), self.inverse_albedo(wi), self.floor(wi))
-        hole = np.minimum(self._holes(x, rest + expected) / self._usual, AT_MOST)
-        log_rest = rest - m + EMPTY * np.log(hole + 1e-3)
+        hole = np.clip(self._holes(x, rest + expected) / self._usual, AT_LEAST, AT_MOST)
+        log_rest = rest - m + EMPTY * np.log(hole)
         return View(x, rest + expected, log_rest, log_rest + expected)
 
     def log_rest(self, wi: Array, wo: Array) -> Array:

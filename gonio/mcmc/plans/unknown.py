@@ -22,11 +22,11 @@ from gonio.mcmc.plans.blind import Blind
 from gonio.mcmc.plans.epoch import Epoch
 from gonio.mcmc.proposals import DRAWN, FILL, INDEPENDENCE
 from gonio.mcmc.proposals.pivotal import pivotal
-from gonio.mcmc.proposals.pool import LOWEST
+from gonio.mcmc.proposals.pool import LOWEST, evenly
 from gonio.mcmc.proposals.spread import fill
 from gonio.mcmc.target import Target, Unknown
 
-PILOT = 50
+PILOT, MOST_OF_PILOT = 50, 1024
 SMALLEST, LARGEST = 16, 8192  # of a block
 STRETCHED = 1.5  # times its size a block may have to be the last before the budget
 DRAWN_SHARE = 0.5
@@ -38,14 +38,16 @@ EMPTY = -1
 
 @dataclass(frozen=True)
 class Block:
-    """What a block measures: wi, wo (N, 3), log_q (N,) log density (NaN: none), kind (N,). The first rows are the
-    chains' proposals, of which those not `alive` (N,) are settled free of charge: a slot with no draw in it."""
+    """What a block measures: wi, wo (N, 3), log_q (N,) log density (NaN: none), kind (N,), log_rest (N,) the frozen
+    part of the target. The first rows are the chains' proposals, of which those not `alive` (N,) are settled free of
+    charge: a slot with no draw in it."""
 
     wi: Array
     wo: Array
     log_q: Array
     kind: NDArray[np.int8]
     alive: NDArray[np.bool_]
+    log_rest: Array
 
 
 class UnknownPlan:
@@ -126,6 +128,9 @@ def draw(epoch: Epoch, size: int, chains: int, rng: np.random.Generator) -> Bloc
     epoch.expect(wanted, pool)
     log_r = epoch.log_drawn(view.log_p, log_b)
     drawn = rng.permutation(pivotal(view.x, np.exp(log_r), rng))
+    # with a the share that was drawn, sums over draws of 1 / q are unbiased (Horvitz & Thompson 1952): each candidate
+    # was drawn with exactly r. Steps do not mind, the state's density has the same a
+    epoch.log_a = float(np.log(max(len(drawn), 1) / pool))
     slots = np.full(max(int(np.ceil(SEVERAL * wanted)) + 2, len(drawn)), EMPTY)
     slots[rng.permutation(len(slots))[: len(drawn)]] = drawn
     steps, others = slots[:chains], slots[chains:]
@@ -141,15 +146,14 @@ def draw(epoch: Epoch, size: int, chains: int, rng: np.random.Generator) -> Bloc
     rows = np.concatenate([steps, others, filled])
     log_q = log_b + log_r - epoch.log_a
     kinds = np.repeat(np.array([INDEPENDENCE, DRAWN, FILL], np.int8), [len(steps), len(others), len(filled)])
-    return Block(wi[rows], wo[rows], np.where(kinds == FILL, np.nan, log_q[rows]), kinds, rows != EMPTY)
+    known = np.where(kinds == FILL, np.nan, log_q[rows])
+    return Block(wi[rows], wo[rows], known, kinds, rows != EMPTY, view.log_rest[rows])
 
 
 def first_directions(anisotropic: bool) -> tuple[Array, Array, Array]:
     """wi, wo (N, 3) and log_q (N,): quasi-random in (theta_h = pi/2 u^2, theta_d, phi_d), close together at the peak;
     the first PILOT of those that can be measured are the pilot, in any number a fair look."""
-    from scipy.stats import qmc
-
-    u = qmc.Sobol(4, seed=0).random(16 * 64)
+    u = evenly(MOST_OF_PILOT)
     theta_h, theta_d = np.pi / 2 * u[:, 0] ** 2, np.pi / 2 * u[:, 1]
     wi, wo = from_half_diff(theta_h, 2 * np.pi * u[:, 3] if anisotropic else 0 * u[:, 3], theta_d, 2 * np.pi * u[:, 2])
     solid = 4 * np.cos(theta_d) * np.sin(theta_d) * np.sin(theta_h) * np.sqrt(2 * np.pi * theta_h)

@@ -2,8 +2,8 @@
 
     theta_h = t sinh(u L), L = asinh(pi / 2 t),   theta_d = pi/2 u,   phi_d = 2 pi u,   phi_h = 2 pi u
 
-so that a peak of width t has its share of them and a broad lobe too. Randomised quasi-random numbers (Owen 1997): each
-candidate alone follows the density exactly, together they are spread evenly.
+so that a peak of width t has its share of them and a broad lobe too. Quasi-random numbers shifted at random (Cranley &
+Patterson 1976): each candidate alone follows the density exactly, together they are spread evenly.
 """
 
 import numpy as np
@@ -12,7 +12,13 @@ from gonio.geometry import Array, from_half_diff
 
 LOWEST = 0.005  # cos(theta) below which nothing is asked: the last third of a degree above the horizon
 NARROWEST, WIDEST = 2e-3, 0.5  # t, radians
+RATIO = 1.1673039782614187  # the root of x^5 = x + 1: a golden ratio for four numbers at a time
 TINY = 1e-300
+
+
+def evenly(count: int) -> Array:
+    """(count, 4) in the unit cube: an additive recurrence (Roberts 2018), even in any number of its first points."""
+    return (0.5 + np.arange(1, count + 1)[:, None] * RATIO ** -np.arange(1.0, 5.0)) % 1
 
 
 class Pool:
@@ -23,10 +29,8 @@ class Pool:
         self.length = float(np.arcsinh(np.pi / 2 / self.t))
 
     def candidates(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-        """wi, wo (N, 3), both above the lowest elevation: what is left of `count`, a power of 2."""
-        from scipy.stats import qmc
-
-        return self.place(qmc.Sobol(4, seed=rng).random(count))
+        """wi, wo (N, 3), both above the lowest elevation: what is left of `count`."""
+        return self.place((evenly(count) + rng.random(4)) % 1)
 
     def place(self, u: Array) -> tuple[Array, Array]:
         """The pairs at u (N, 4) in the unit cube, those too low left out."""
