@@ -17,6 +17,7 @@ STUDIES = {
     "sampling": "gonio.bench.chains.effective_samples",
     "throughput": "gonio.bench.speed.throughput",
     "reconstruction": "gonio.bench.accuracy.reconstruction",
+    "where_to_look": "gonio.bench.accuracy.where_to_look",
     "thesis": "gonio.bench.accuracy.thesis_table",
     "rendered": "gonio.bench.accuracy.rendered",
     "reconstruction_speed": "gonio.bench.speed.reconstruction_speed",

@@ -81,9 +81,10 @@ def render(
     truth: Annotated[str | None, typer.Option(help="the BRDF to show beside it [default: the run's own truth]")] = None,
     size: Annotated[int, typer.Option(help="pixels a side")] = 256,
     spp: Annotated[int, typer.Option(help="samples per pixel")] = 256,
+    band: Annotated[bool, typer.Option("--band", help="the interval of 95 %: its lower and upper end instead")] = False,
 ) -> None:
     """Render in Mitsuba 3: sphere and preview object, two skies; truth, ours, difference, with image metrics."""
-    from gonio.run.products import render_run
+    from gonio.run.products import render_band, render_run
 
-    for line in render_run(run, truth, size, spp):
+    for line in render_band(run, size, spp) if band else render_run(run, truth, size, spp):
         typer.echo(line)

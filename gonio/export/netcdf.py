@@ -6,15 +6,18 @@ from pathlib import Path
 import numpy as np
 
 from gonio.atomic import beside
+from gonio.brdf import Brdf
 from gonio.export.extra import needs
+from gonio.export.intervals import columns
 from gonio.geometry import to_half_diff
 from gonio.run.record.store import Store
 
 
-def chain_arrays(store: Store) -> dict[str, np.ndarray]:
+def chain_arrays(store: Store, brdf: Brdf | None = None) -> dict[str, np.ndarray]:
     """The chains' states, each (chains, steps): theta_h, theta_d, phi_d, f_*, accepted, log_p, kind; equal lengths.
 
-    Steps before every chain had found the support are left out.
+    Steps before every chain had found the support are left out. Of a BRDF that knows them, its value, standard
+    deviation and intervals there.
     """
     m, s = store.measured(), store.steps()
     keep = s["step"] >= 0
@@ -33,15 +36,17 @@ def chain_arrays(store: Store) -> dict[str, np.ndarray]:
         to_half_diff(m.asked[row, :3], m.asked[row, 3:]) if row.size else (np.empty(row.shape),) * 4
     )
     out = {"theta_h": theta_h, "theta_d": theta_d, "phi_d": np.abs(phi_d)}
-    out |= {f"f_{c}": m.f[row, c] for c in range(m.f.shape[1])} if row.size else {}
+    if row.size:
+        out |= {f"f_{c}": m.f[row, c] for c in range(m.f.shape[1])}
+        out |= dict(columns(brdf, m.asked[row, :3], m.asked[row, 3:]))
     return out | {k: grid(s[k])[:, begin:] for k in ("accepted", "log_p", "kind")}
 
 
-def write_netcdf(store: Store, path: str | os.PathLike[str]) -> Path:
+def write_netcdf(store: Store, path: str | os.PathLike[str], brdf: Brdf | None = None) -> Path:
     """Groups `posterior` (the states) and `sample_stats` (accepted, lp, kind). Raises MissingExtra without h5netcdf."""
     xarray = needs("xarray", "study")
     needs("h5netcdf", "study")
-    arrays = chain_arrays(store)
+    arrays = chain_arrays(store, brdf)
     path = Path(path)
     stats = {"accepted": arrays.pop("accepted"), "lp": arrays.pop("log_p"), "kind": arrays.pop("kind")}
     with beside(path) as part:

@@ -7,13 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gonio.atomic import beside
+from gonio.brdf import Brdf
+from gonio.export.intervals import columns
 from gonio.geometry import to_angles
 from gonio.mcmc.proposals import KINDS
 from gonio.run.record.store import Store
 
 
-def step_table(store: Store) -> dict[str, NDArray]:
+def step_table(store: Store, brdf: Brdf | None = None) -> dict[str, NDArray]:
     """Columns by name: chain, step, kind, measured, accepted, repeats, log_q, angles in degrees, f_*, sigma_*, …
+    and, of a BRDF that knows them, its value, standard deviation and intervals there.
 
     Directions are as achieved where measured, as proposed where free. repeats counts the steps a chain stayed on this
     state, 0 if it was never there.
@@ -43,7 +46,8 @@ def step_table(store: Store) -> dict[str, NDArray]:
     table |= {f"f_{c}": of(m.f[:, c]) for c in range(channels)}
     table |= {f"sigma_{c}": of(m.sigma[:, c]) for c in range(channels)}
     table["saturated"] = (measured & m.saturated[row]).astype(int) if len(m.id) else measured.astype(int)
-    return table | {"rig_s": of(m.rig_s), "wall_s": of(m.wall_s)}
+    table |= {"rig_s": of(m.rig_s), "wall_s": of(m.wall_s)}
+    return table | dict(columns(brdf, where[:, :3], where[:, 3:]))
 
 
 def repeats(chain: NDArray, step: NDArray, accepted: NDArray) -> NDArray[np.int64]:
@@ -57,21 +61,21 @@ def repeats(chain: NDArray, step: NDArray, accepted: NDArray) -> NDArray[np.int6
     return out
 
 
-def write_csv(store: Store, path: str | os.PathLike[str]) -> Path:
+def write_csv(store: Store, path: str | os.PathLike[str], brdf: Brdf | None = None) -> Path:
     """Numbers with 17 digits, so that they read back to the bit; NaN is empty."""
     import csv
 
-    table = step_table(store)
+    table = step_table(store, brdf)
     path = Path(path)
-    columns = [[_text(v) for v in column.tolist()] for column in table.values()]
+    texts = [[_text(v) for v in column.tolist()] for column in table.values()]
     with beside(path) as part, open(part, "w", newline="") as out:
         writer = csv.writer(out)
         writer.writerow(table)
-        writer.writerows(zip(*columns))
+        writer.writerows(zip(*texts))
     return path
 
 
-def write_parquet(store: Store, path: str | os.PathLike[str]) -> Path:
+def write_parquet(store: Store, path: str | os.PathLike[str], brdf: Brdf | None = None) -> Path:
     """The same table in Parquet. Raises MissingExtra where pyarrow is not installed."""
     from gonio.export.extra import needs
 
@@ -79,7 +83,7 @@ def write_parquet(store: Store, path: str | os.PathLike[str]) -> Path:
     parquet = needs("pyarrow.parquet", "study")
     path = Path(path)
     with beside(path) as part:
-        parquet.write_table(pyarrow.table(step_table(store)), part)
+        parquet.write_table(pyarrow.table(step_table(store, brdf)), part)
     return path
 
 

@@ -6,7 +6,7 @@ from gonio.geometry import Array, to_half_diff, unit
 from gonio.reconstruct.errors import ReconstructionError
 from gonio.reconstruct.samples import Samples
 
-FEWEST = 30
+FEWEST = 20
 NOT_UNIT = 0.01  # a length further from 1 is another quantity than a direction
 ROUNDING = 1e-5  # of a length: what is not worth a word
 DARKEST, BRIGHTEST = 1e-305, 1e300  # of the brightest reading, of any: beyond, squares and ratios overflow

@@ -93,7 +93,8 @@ def export_run(folder: Path, format: str, out: Path | None = None) -> Path:
     if format in SAMPLE_FORMATS:
         module, function, name = SAMPLE_FORMATS[format]
         with Store.open(folder, write=False) as store:
-            return _function(module, function)(store, out or Path(folder) / name)
+            brdf = gonio.load_brdf(folder) if (Path(folder) / "brdf.npz").exists() else None
+            return _function(module, function)(store, out or Path(folder) / name, brdf)
     if format in BRDF_FORMATS:
         module, function, name = BRDF_FORMATS[format]
         path = out or Path(folder) / name
@@ -159,6 +160,17 @@ def _subject(folder: Path, truth: str | None):
         flow=flow,
         seed=material.seed,
     )
+
+
+def render_band(folder: Path, size: int, spp: int) -> list[str]:
+    """band.png in the run: the lower and upper ends of the interval of 95 % beside the BRDF. Raises ConfigError for a
+    model without intervals."""
+    from gonio.render.band import render_band
+
+    brdf = gonio.load_brdf(folder)
+    if not hasattr(brdf, "interval"):
+        raise ConfigError(f"{folder}: its BRDF has no intervals; `gonio reconstruct --model auto` makes one that has")
+    return render_band(brdf, Path(folder), size, spp)
 
 
 def render_run(folder: Path, truth: str | None, size: int, spp: int) -> list[str]:

@@ -1,10 +1,9 @@
 """Every reconstruction on every material: error of the BRDF against measurements, with and without the rig's noise.
 
-One run per material, of the largest N, by the sampler of the study; its first N measurements are the samples for each
-smaller N. Noise: sigma^2 = (relative f)^2 + (read / cos theta_i)^2, a half percent and 1e-4 of a white surface's 1/pi
-unless told otherwise. The figures are the referee's (`gonio.evaluate`), "channel" the worst channel's energy.
-"estimate" is the reconstruction's own error estimate over the true error; "inside" the share of true values within one
-of its standard deviations, at the thousand measurements that come after those used.
+One run per material and N, by the sampler of the study. Noise: sigma^2 = (relative f)^2 + (read / cos theta_i)^2, half
+a percent and 1e-4 of a white surface's 1/pi unless told otherwise. The figures are the referee's (`gonio.evaluate`),
+"channel" the worst channel's energy. "estimate" is the reconstruction's own error estimate over the true error;
+"inside" the share of true values within one of its standard deviations, at pairs even over both hemispheres.
 """
 
 import json
@@ -21,11 +20,11 @@ from gonio.bench.drive import drive, truth_of
 from gonio.brdf import Brdf
 from gonio.config.loader import Section
 from gonio.evaluate import evaluate
-from gonio.geometry import Array
+from gonio.geometry import Array, from_angles
 from gonio.reconstruct import ReconstructionError, Samples, reconstruct
 from gonio.reconstruct.splines.auto import AutoBrdf
 
-HELD_OUT = 1000
+EVERYWHERE = 3000
 
 
 class Noise(Section):
@@ -60,19 +59,18 @@ def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
     rows: list[dict] = []
     for name in materials(config):
         truth = truth_of(name)
-        wi, wo, f = _measured(config, truth)
-        held_out = wi[-HELD_OUT:], wo[-HELD_OUT:], f[-HELD_OUT:]
-        for label, noise in config.noise.items():
-            everything = noisy(wi, wo, f, noise, config.seed)
-            for n in config.measurements:
-                s = everything[:n]
+        pairs = _everywhere()
+        for n in config.measurements:
+            d = drive(truth, config.sampler, n, chains=config.chains, seed=config.seed)
+            for label, noise in config.noise.items():
+                s = noisy(d.wi[:n], d.wo[:n], d.f[:n], noise, config.seed)
                 for model in config.models:
                     row = {
                         "material": name,
                         "model": model,
                         "noise": label,
                         "n": n,
-                        **_figures(s, model, truth, held_out),
+                        **_figures(s, model, truth, (*pairs, truth.eval(*pairs))),
                     }
                     rows.append(row)
                     say(_line(rows[-1]))
@@ -101,10 +99,12 @@ def noisy(wi: Array, wo: Array, f: Array, noise: Noise, seed: int) -> Samples:
     return Samples.of(wi, wo, f + sigma * np.random.default_rng(seed).standard_normal(f.shape), sigma)
 
 
-def _measured(config: Config, truth: Brdf) -> tuple[Array, Array, Array]:
-    d = drive(truth, config.sampler, max(config.measurements) + HELD_OUT, chains=config.chains, seed=config.seed)
-    up = (d.wi[:, 2] > 1e-3) & (d.wo[:, 2] > 1e-3)
-    return d.wi[up], d.wo[up], d.f[up]
+def _everywhere() -> tuple[Array, Array]:
+    """Pairs (EVERYWHERE, 3), even over both hemispheres down to half a degree above the horizon."""
+    rng = np.random.default_rng(5)
+    theta = np.arccos(rng.uniform(0.01, 1, (2, EVERYWHERE)))
+    wi, wo = (from_angles(t, p) for t, p in zip(theta, 2 * np.pi * rng.random((2, EVERYWHERE))))
+    return wi, wo
 
 
 def _figures(s: Samples, model: str, truth: Brdf, held_out: tuple[Array, Array, Array]) -> dict:

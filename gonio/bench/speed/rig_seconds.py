@@ -55,13 +55,13 @@ def asked(material: Material, truth: Brdf, rig: RigConfig) -> Batches:
     """What the material's sampler asks for, batch by batch, when it is told the truth without noise."""
     known: list[Brdf] = []
 
-    def fit(wi: Array, wo: Array, f: Array) -> Brdf:
-        known[:] = [surrogate(wi, wo, f)]
+    def fit(wi: Array, wo: Array, f: Array, sigma: Array | None = None) -> Brdf:
+        known[:] = [surrogate(wi, wo, f, sigma)]
         return known[0]
 
-    sampler = make_sampler(material, open_rig(rig, truth, 0).reachable, fit)
     batches: Batches = []
     n, most = 0, material.budget.measurements or 10_000
+    sampler = make_sampler(material, open_rig(rig, truth, 0).reachable, fit, (most,))
     while n < most:
         batch = sampler.ask()  # may learn: what it knows now is asked for these
         f = truth.eval(batch.wi, batch.wo)

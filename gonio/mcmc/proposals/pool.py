@@ -12,13 +12,23 @@ from gonio.geometry import Array, from_half_diff
 
 LOWEST = 0.005  # cos(theta) below which nothing is asked: the last third of a degree above the horizon
 NARROWEST, WIDEST = 2e-3, 0.5  # t, radians
-RATIO = 1.1673039782614187  # the root of x^5 = x + 1: a golden ratio for four numbers at a time
+BASES = (2, 3, 5, 7)
 TINY = 1e-300
 
 
 def evenly(count: int) -> Array:
-    """(count, 4) in the unit cube: an additive recurrence (Roberts 2018), even in any number of its first points."""
-    return (0.5 + np.arange(1, count + 1)[:, None] * RATIO ** -np.arange(1.0, 5.0)) % 1
+    """(count, 4) in the unit cube: Halton's sequence (1960), even in any number of its first points."""
+    return np.stack([_radical_inverse(np.arange(1, count + 1), b) for b in BASES], 1)
+
+
+def _radical_inverse(n: Array, base: int) -> Array:
+    """The digits of n (N,) mirrored at the point."""
+    out, weight, n = np.zeros(len(n)), 1.0, n.copy()
+    while n.any():
+        n, digit = np.divmod(n, base)
+        weight /= base
+        out += weight * digit
+    return out
 
 
 class Pool:
