@@ -1,4 +1,4 @@
-# make demo: measure a material and look at it.   make test: everything CI checks by running.
+# make demo: measure a material and look at it.   make test: what a change is checked by.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -12,10 +12,11 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MPLCONFIGDIR := $(abspath $(VENV))/matplotlib
 
-.PHONY: help demo test lint clean
+.PHONY: help demo test test-all lint clean
 help:
 	@echo "make demo   measure chm_orange on a simulated rig: BRDF, .bsdf and report in $(RUN)"
-	@echo "make test   the whole test suite"
+	@echo "make test   the test suite without its slow tests"
+	@echo "make test-all   the whole test suite"
 	@echo "make lint   ruff, types, import directions"
 
 $(VENV)/base: pyproject.toml
@@ -36,6 +37,9 @@ demo: $(VENV)/base
 	$(BIN)/gonio evaluate $(RUN)
 
 test: $(VENV)/all
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
+
+test-all: $(VENV)/all
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: $(VENV)/all

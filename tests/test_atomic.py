@@ -81,6 +81,7 @@ PRODUCTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PRODUCTS)
 def test_killed_while_a_product_is_made_the_old_one_stays(run, name):
     if name.endswith(".parquet"):

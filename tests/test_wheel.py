@@ -102,6 +102,7 @@ def test_the_wheel_holds_what_the_source_tree_holds(installed):
     assert not missing
 
 
+@pytest.mark.slow
 def test_a_run_from_the_wheel(installed):
     """Measured, reconstructed, exported; the flow's weights and the daemon's page are there too."""
     said = gonio(

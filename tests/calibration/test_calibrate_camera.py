@@ -80,6 +80,7 @@ def test_bought_boards_even_ones_too(board):
     np.testing.assert_allclose(np.array(found.matrix)[[0, 1], [0, 1]], 1100, rtol=0.015)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("board", [*BOUGHT, Board()], ids=str)
 @pytest.mark.parametrize("wrong", [{"legacy": True}, {"swapped": True}, {"swapped": True, "legacy": True}, {}], ids=str)
 def test_the_board_that_the_pictures_show_is_recognised(board, wrong):
@@ -102,6 +103,7 @@ def test_ids_that_look_right_and_are_not_do_not_lie_on_a_plane():
     assert flat_corners(Corners(place, seen.in_view), swapped) < 0.3 * len(number)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("named", "words"),
     [

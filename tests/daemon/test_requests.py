@@ -153,6 +153,7 @@ def test_events_begin_anywhere(served, last):
     assert '"state": "idle"' in asyncio.run(first())
 
 
+@pytest.mark.slow
 def test_no_500(served):
     """schemathesis over the OpenAPI schema, in process: whatever is sent, the server answers and never fails."""
     schemathesis = pytest.importorskip("schemathesis", reason="needs the extra `dev`")

@@ -57,6 +57,7 @@ def test_round_trip_where_float32_rounds_either_way(name, monkeypatch):
     assert apart() > 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
 def test_draws_follow_the_density(name):
     f = wild(SHAPES[name])
@@ -125,6 +126,7 @@ def test_weights_of_another_shape_are_refused():
         Flow.from_arrays({"shape.bins": np.array(3)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coordinates", ["half", "vndf", "raw"])
 @pytest.mark.parametrize("anisotropic", [False, True])
 def test_density_of_directions(coordinates, anisotropic):

@@ -23,6 +23,7 @@ def test_the_zoo_is_told_apart_by_draws():
         assert int(np.argmax([q.log_prob(x).mean() for q in flows])) == k
 
 
+@pytest.mark.slow
 def test_a_code_is_found_again():
     flow, codes = shipped.conditional()
     rng = np.random.default_rng(1)

@@ -128,6 +128,7 @@ def test_a_hole_in_the_support_is_left_out_and_nothing_else_changes(name):
     assert p_value(sampler, bins) > LEVEL
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*PLAIN, "auto"])
 def test_anisotropic(name):
     brdf = glossy(0.5, 0.2)

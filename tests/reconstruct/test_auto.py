@@ -64,6 +64,7 @@ def test_nothing_below_the_horizon_and_all_finite(glossy):
     assert glossy.eval(np.zeros((0, 3)), np.zeros((0, 3))).shape == (0, 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("truth, psi", [(BRUSHED, 0), (BECKMANN, 90)])
 def test_anisotropic(truth, psi):
     got = reconstruct(samples(truth, 3000), anisotropic=True)
@@ -90,6 +91,7 @@ def test_running_is_a_surrogate_with_a_floor():
     assert 0.5 < got.energy_error_estimate / energy_error(got, GLOSSY) < 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper_white", "cc_ibiza_sunset"])
 def test_measured_tables(name, rgl_dir, score):
     from gonio.brdf import RglBrdf

@@ -57,6 +57,7 @@ def test_near_the_clean_result(make, clean_error):
     assert energy_error(fit_running(make()), GLOSSY) < 2 * clean_error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [with_outliers, saturated_peaks])
 def test_near_the_clean_result_by_the_whole_way(make, clean_error):
     got = reconstruct(make())

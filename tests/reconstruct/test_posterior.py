@@ -75,6 +75,7 @@ def test_a_rig_that_ends_at_60_degrees_does_not_believe_itself(make):
     assert narrow.energy_error_estimate > 0.4 * evaluate(narrow, Film(), n=1000)["energy_mean"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [1.0, 10.0])
 def test_noise_above_the_signal_is_in_the_intervals(sigma):
     """Half of the readings lie below 0: cut off there, they made the sample bright."""

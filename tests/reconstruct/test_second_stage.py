@@ -49,6 +49,7 @@ def fitted(short):
     return {model: reconstruct(samples(800), model) for model in ("flow", "auto_flow")}
 
 
+@pytest.mark.slow
 def test_all_channels_from_one_flow(tmp_path, fitted):
     brdf = fitted["flow"]
     error = relative_error(brdf)

@@ -65,6 +65,7 @@ def test_psnr_without_the_noise_of_the_renders():
     assert psnr(images[0], reference[0]) < 27
 
 
+@pytest.mark.slow
 def test_speed_study_measures_cost_and_table(tmp_path):
     from gonio.bench.speed import reconstruction_speed as study
 

@@ -57,6 +57,7 @@ def test_measures_what_is_there(rig):
     assert abs(z.mean()) < 5 / np.sqrt(z.size) and 0.9 < z.std() < 1.1
 
 
+@pytest.mark.slow
 def test_one_packet_in_a_hundred_damaged_for_two_thousand_steps():
     """The very readings of a wire without faults, compared over the first tour."""
     wi, wo, ids = (x[:2000] for x in pairs(2100))

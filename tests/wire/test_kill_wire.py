@@ -53,6 +53,7 @@ def kill_again_and_again(nursery, args, torn, kills, rng) -> list[int]:
     return counts
 
 
+@pytest.mark.slow
 def test_killed_fifty_times_on_the_wire(tmp_path, truth, nursery):
     whole, torn = tmp_path / "whole", tmp_path / "torn"
     nursery.start(*arguments(truth), "--out", whole)

@@ -278,6 +278,7 @@ def test_a_stop_is_obeyed_within_a_few_packets():
         rig.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("twice", [False, True])
 def test_ctrl_c_at_any_moment(tmp_path, nursery, twice):
     """Once: after the measurement under way. Twice, or thrice in a hurry: at once. Nothing moves when it has ended."""
