@@ -182,7 +182,9 @@ class StagedRig:
             self.watch.refuse_frozen()
             at = self.stage.pose()
             seen = self.watch.nearest(lambda poses: self._seconds(poses - at))
-            if seen is not None and not self._stop.is_set() and self._go(seen.pose) is not None:
+            if seen is None:
+                self.watch.ask_only()
+            elif not self._stop.is_set() and self._go(seen.pose) is not None:
                 self.clock.sleep(self.config.settle_s)
                 self.watch.look(seen, self.levels.dark(self.watch.since[-1]))
         except RigError:

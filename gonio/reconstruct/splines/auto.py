@@ -87,7 +87,7 @@ class AutoBrdf:
     def alignment(self) -> Alignment:
         """How the directions of the readings were turned to have the sample in its place; `eval` takes turned ones."""
         x, y, azimuth = (self.notes.get(k, 0.0) for k in ("tilt_x_deg", "tilt_y_deg", "azimuth_deg"))
-        return Alignment(x, y, azimuth)
+        return Alignment(x, y, azimuth, bool(self.notes.get("cosine_was_tilted", 0.0)))
 
     def to_arrays(self) -> dict[str, Array]:
         notes = {f"note.{k}": np.array(v, float) for k, v in self.notes.items()}

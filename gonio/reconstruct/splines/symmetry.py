@@ -100,6 +100,7 @@ class Symmetry:
             "tilt_x_deg": a.tilt_x,
             "tilt_y_deg": a.tilt_y,
             "azimuth_deg": a.azimuth,
+            "cosine_was_tilted": float(a.cosine),
             "error_with_alignment_over_without": self.ratio,
         }
 

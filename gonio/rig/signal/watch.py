@@ -61,7 +61,7 @@ class Watch:
 
     @property
     def due(self) -> bool:
-        return self._equal >= FROZEN or (0 < self.every <= len(self.since) and bool(self._bright))
+        return self._equal >= FROZEN or 0 < self.every <= len(self.since)
 
     @property
     def due_at_the_end(self) -> bool:
@@ -99,12 +99,7 @@ class Watch:
 
     def look(self, seen: Seen, dark: Dark) -> None:
         """At the pose of `seen`. Raises LostSight; DeviceFault for what the lamp says of itself."""
-        self.looks += 1
-        try:
-            if (confirm := getattr(self.light, "confirm", None)) is not None:
-                confirm()
-        except DeviceFault as e:
-            raise LostSight(e.axis, e.cause, e.remedy.removesuffix(", then `gonio resume`"), self.since) from None
+        self.ask()
         self._show(2 * self.looks)
         lit = [self._above(self.detector.read(self.exposure), dark) for _ in range(READINGS)]
         self._judge_light(seen, np.array([x.sum() for x, _ in lit]), lit[0][1])
@@ -114,6 +109,21 @@ class Watch:
         self.light.level(1)
         self._judge_dark(seen, dark, now)
         self.since = []
+
+    def ask_only(self) -> None:
+        """Where nothing bright was ever seen, as on a black sample or under a cap, a lamp can still say that it burns.
+        Raises LostSight."""
+        self.ask()
+        self.since = []
+
+    def ask(self) -> None:
+        """What the lamp says of itself. Raises LostSight."""
+        self.looks += 1
+        try:
+            if (confirm := getattr(self.light, "confirm", None)) is not None:
+                confirm()
+        except DeviceFault as e:
+            raise LostSight(e.axis, e.cause, e.remedy.removesuffix(", then `gonio resume`"), self.since) from None
 
     def _judge_light(self, seen: Seen, totals: Array, sigma: Array) -> None:
         then, noise = float(seen.light.sum()), float(np.sqrt((sigma**2).sum()))
