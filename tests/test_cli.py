@@ -73,7 +73,8 @@ def test_csv_has_a_row_for_every_step(run):
         header[:11]
         == "chain step kind measured accepted repeats log_q theta_i_deg phi_i_deg theta_o_deg phi_o_deg".split()
     )
-    assert header[11:] == "f_0 f_1 f_2 sigma_0 sigma_1 sigma_2 saturated rig_s wall_s".split()
+    assert header[11:20] == "f_0 f_1 f_2 sigma_0 sigma_1 sigma_2 saturated rig_s wall_s".split()
+    assert header[20:26] == "brdf_0 brdf_1 brdf_2 std_0 std_1 std_2".split() and header[-1] == "high99_2"
     rows = [dict(zip(header, line.split(","))) for line in lines[1:]]
     measured = [r for r in rows if r["measured"] == "1"]
     assert len(measured) == 600

@@ -14,6 +14,7 @@ from gonio.reconstruct.clean import clean
 from gonio.reconstruct.samples import Samples
 from gonio.reconstruct.splines.auto import TRUSTED, Problem, peak_width
 from gonio.reconstruct.splines.expected_error import MEAN_OVER_68, expected_error
+from gonio.reconstruct.splines.few import FEW, said_by_others
 from gonio.reconstruct.splines.frame import Coordinates, Frame
 from gonio.reconstruct.splines.grain import Grain
 from gonio.reconstruct.splines.held_out import EnergyError, solid_angles
@@ -61,8 +62,12 @@ class RunningBrdf(Sampled):
     def _without_themselves(self):
         """Some samples (indices), what the others say they are (M, C), and with what relative variance (M,)."""
         p = self.problem
-        looked = np.random.default_rng(0).permutation(len(p.samples))[:LOOKED_AT]
-        return looked, *left_out_with_variance(self._x, p.y, p.variance, looked)
+        rng = np.random.default_rng(0)
+        looked = rng.permutation(len(p.samples))[:LOOKED_AT]
+        said, relative = left_out_with_variance(self._x, p.y, p.variance, looked)
+        if len(p.samples) <= FEW:
+            said = said_by_others(p, self.stretch, rng)[looked]
+        return looked, said, relative
 
     def interval(self, wi: Array, wo: Array) -> tuple[Array, Array]:
         """(low, high), (N, C) each, in 1/sr: 68 % of true values lie between; pairs above the horizon."""

@@ -66,3 +66,26 @@ def test_a_channel_that_is_zero_in_part_of_the_peak():
     steep = np.array(errors)[-2:]
     assert steep[:, 0].max() < 0.12 and steep[:, 1].max() < 0.08
     assert np.abs(np.array(bright) - 1).max() < 0.06
+
+
+def test_what_the_others_say_of_a_sample_does_not_hang_on_it():
+    """The base too is made without it; negative control: left out of the patches alone, it speaks through the base."""
+    from gonio.reconstruct.splines.auto import Problem
+    from gonio.reconstruct.splines.few import said_by_others
+    from gonio.reconstruct.splines.isotropic import Isotropic
+    from gonio.reconstruct.splines.patches import left_out
+
+    truth, k, count = MATERIALS["satin"], 7, 40
+    d = drive(truth, {"proposal": "auto"}, 50)
+    honest, believing = [], []
+    for factor in (1.0, 3.0):
+        f = d.f[:count].copy()
+        f[k] *= factor
+        p = Problem.of(Samples.of(d.wi[:count], d.wo[:count], f), Isotropic(), np.random.default_rng(0))
+        stretch = p.frame.stretch(0.2)
+        said = said_by_others(p, stretch, np.random.default_rng(1))
+        honest.append(p.ratio.inverse(said, p.b)[k])
+        others = left_out(stretch(p.angles), p.y, p.variance, np.arange(count))
+        believing.append(p.ratio.inverse(others, p.b)[k])
+    assert np.allclose(honest[0], honest[1], rtol=1e-6)
+    assert not np.allclose(believing[0], believing[1], rtol=1e-3)

@@ -14,13 +14,13 @@ def test_study_prints_judges_and_plots(tmp_path):
         study="reconstruction",
         materials=("ggx:0.2",),
         models=("auto", "ggx"),
-        measurements=(20, 400),
+        measurements=(12, 400),
         noise={"none": {}},
         goals={400: 0.15},
     )
     run(config, tmp_path, lines.append)
     rows = json.loads((tmp_path / "rows.json").read_text())
-    assert [r["n"] for r in rows] == [20, 20, 400, 400]
+    assert [r["n"] for r in rows] == [12, 12, 400, 400]
     assert "refused" in rows[0]
     assert rows[2]["energy_mean"] < 0.15 and 0.3 < rows[2]["estimate"] < 3
     assert (tmp_path / "error.png").stat().st_size > 10_000

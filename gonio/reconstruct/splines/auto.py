@@ -16,6 +16,7 @@ from gonio.reconstruct.errors import ReconstructionError
 from gonio.reconstruct.samples import Samples
 from gonio.reconstruct.splines import symmetry
 from gonio.reconstruct.splines.expected_error import MEAN_OVER_68, expected_error
+from gonio.reconstruct.splines.few import FEW, said_by_others
 from gonio.reconstruct.splines.frame import Coordinates, Frame, PairAngles
 from gonio.reconstruct.splines.grain import Grain
 from gonio.reconstruct.splines.held_out import EnergyError, solid_angles
@@ -198,6 +199,8 @@ def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) ->
     patches = Patches(x, y, variance)
     looked = rng.permutation(len(s))[:LOOKED_AT]
     said, relative = left_out_with_variance(x, y, variance, looked)
+    if len(s) <= FEW:
+        said = said_by_others(p, stretch, rng)[looked]
     v = solid_angles(stretch, p.angles, looked)
     posterior = Posterior.of(x, y, variance, looked, said, relative, v)
     energy_error = EnergyError(p.angles, p.g, p.sigma, stretch, looked)

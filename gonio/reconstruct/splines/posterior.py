@@ -73,7 +73,7 @@ class Posterior:
         made = cls(x, y, variance, x[at], square, relative, noise, growth, typical, reach, prior, WIDTHS / WIDTHS[0])
         noise = noise[:, None]
         sd = np.sqrt(made.held_out_sd(relative) ** 2 + noise)
-        z = np.abs(said - y[at]) / sd
+        z = np.abs(said - y[at]) / np.maximum(sd, 1e-12)
         weight = np.repeat(solid_angles[:, None], z.shape[1], 1)
         seen = weighted_quantiles(z.ravel(), weight.ravel(), LEVELS)
         share = len(at) / (len(at) + ENOUGH)
