@@ -68,7 +68,7 @@ class Daemon:
     def state(self):
         return self.client.get("/state").json()
 
-    def until(self, wanted, seconds=60):
+    def until(self, wanted, seconds=600):
         """The first state, as the daemon tells of its changes, that is `wanted`."""
         state = None
         with self.client.stream("GET", "/events", timeout=seconds) as answer:
