@@ -87,8 +87,8 @@ def acquire(
                 )
             if interrupted():
                 raise Interrupted
-            if (reason := _spent(material, progress)) is not None:
-                return reason
+            if (reason := _spent(material, progress) or good_enough(progress)) is not None:
+                return reason  # in the middle of a block too: late ones are as large as all before them
 
 
 def _within_budget(batch: Batch, budget: int | None, measured: int) -> Batch:

@@ -273,6 +273,22 @@ def test_a_rig_that_reaches_little_is_looked_at_there_only():
         nothing.ask()
 
 
+def test_a_view_in_parts_is_the_same(monkeypatch):
+    rng = np.random.default_rng(8)
+    e = Epoch(Known(BRDF), Unknown("mean", 0.7, 0.0, 1), Pool(0.1).candidates(64, rng), everything, rng)
+    wi, wo = e.candidates(4096, rng)
+    whole = e.view(wi, wo)
+    monkeypatch.setattr(epochs, "AT_ONCE", 1)
+    parts = e.view(wi, wo)
+    assert np.allclose(whole.log_p, parts.log_p, rtol=1e-12) and whole.x.shape == parts.x.shape
+
+
+def test_an_epoch_that_knows_nothing_yet():
+    rng = np.random.default_rng(9)
+    e = Epoch(Known(BRDF), Unknown("mean", 0.7, 0.0, 1), (np.empty((0, 3)), np.empty((0, 3))), everything, rng)
+    assert np.isfinite(e.view(*e.candidates(256, rng)).log_p).all()
+
+
 def test_every_channel_counts_by_its_own_albedo():
     """A channel a thousandth as bright as another is looked for as much."""
     from gonio.brdf.models.microfacet import Ggx

@@ -16,7 +16,7 @@ reconstruction for f. What is drawn has the density q = b r / a, a = E_b[r], wha
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Protocol
 
 import numpy as np
@@ -30,6 +30,7 @@ BANDS = 15  # of theta_i, each with the same energy
 FLOOR = 0.05  # share of the energy that is laid evenly: what the reconstruction wrongly holds for black is visited
 GRAZING, LIGHTER = np.radians(86.0), 0.3  # the referee does not look beyond
 EMPTY, AT_LEAST, AT_MOST = 3, 0.7, 1.3  # n = (hole / usual hole)^EMPTY between these: weights have no long tail
+AT_ONCE = 2**21  # values of f, of all channels, worked out at a time
 CALIBRATION, USUAL = 8192, 2000  # candidates that c and a, and the usual hole, are found with
 TINY = 1e-300
 
@@ -107,7 +108,9 @@ class Epoch:
         return max(float(np.median(self._holes(v.x[some], v.log_volume[some]))), TINY)
 
     def _holes(self, x: Array, log_volume: Array) -> Array:
-        """Distance to the nearest measured, for the spacing that is wanted there, (N,)."""
+        """Distance to the nearest measured, for the spacing that is wanted there, (N,); 1 where nothing was."""
+        if len(self.occupied) == 0:
+            return np.ones(len(x))
         return np.exp(log_volume / self.running.dimensions) * self._tree.query(x)[0]
 
     # ---- the target
@@ -121,6 +124,14 @@ class Epoch:
         return FLOOR / (1 - FLOOR) * self._inverse_even[band_of(wi)]
 
     def view(self, wi: Array, wo: Array) -> View:
+        """In parts that fit into memory, however many channels there are."""
+        rows = max(1024, AT_ONCE // max(self._inverse_albedo.shape[1], 1))
+        if len(wi) <= rows:
+            return self._view(wi, wo)
+        parts = [self._view(wi[k : k + rows], wo[k : k + rows]) for k in range(0, len(wi), rows)]
+        return View(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(View)))
+
+    def _view(self, wi: Array, wo: Array) -> View:
         x, m = self.running.coordinates(wi, wo), np.log(self.running.measure(wi, wo) + TINY)
         v = np.where(theta_i(wi) > GRAZING, np.log(LIGHTER), 0.0)
         rest = self.target.power * (np.log(wo[:, 2]) + v + m + np.log(self.running.roughness(wi, wo)))
