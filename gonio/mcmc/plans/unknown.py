@@ -137,7 +137,7 @@ def draw(epoch: Epoch, size: int, chains: int, rng: np.random.Generator) -> Bloc
     others = others[others != EMPTY]
     # how many candidates of a volume there are does not say how many samples it deserves
     deserved = view.log_volume - np.log(epoch.running.measure(wi, wo) + 1e-300) - log_b
-    share = np.exp(deserved - deserved.max())
+    share = np.exp(np.maximum(deserved - deserved.max(), -600.0))  # none so little that it cannot be chosen
     few = FILL_FROM * size
     some = rng.choice(len(wi), few, replace=False, p=share / share.sum()) if 3 * few < len(wi) else np.arange(len(wi))
     spacing = np.exp((view.log_volume[some] - view.log_volume.max()) / epoch.running.dimensions)
