@@ -46,3 +46,16 @@ def test_a_run_from_before_the_move(tmp_path):
     assert np.array_equal(*early)
     gonio("export", run, "--format", "csv")
     assert len((run / "samples.csv").read_text().splitlines()) > 260
+
+
+def test_a_run_that_does_not_say_its_target_is_one_of_the_energy(tmp_path):
+    """There was only one when it was made; a run of now says what it is."""
+    from gonio.run.record.config import read_config, write_config
+
+    config = read_config(Path(__file__).parent / "data" / "run_before_the_move")
+    assert config.material.sampler.target.kind == "energy"
+    fresh = config.material.sampler.model_validate({"proposal": "auto"})
+    write_config(
+        tmp_path, config.model_copy(update={"material": config.material.model_copy(update={"sampler": fresh})})
+    )
+    assert read_config(tmp_path).material.sampler.target.kind == "unknown"

@@ -26,6 +26,20 @@ class Frozen(Protocol):
     def log_rest(self, wi: Array, wo: Array) -> Array: ...
 
 
+def combined(channels: int | str, f: Array) -> Array:
+    """One number (N,) of the channels (N, C): one of them, luminance, mean or the largest ("max")."""
+    if isinstance(channels, int):
+        return f[:, channels]
+    if channels == "luminance":
+        return f @ LUMINANCE
+    if channels == "mean":
+        return f.mean(1)
+    s = f[:, 0]
+    for c in range(1, f.shape[1]):  # of few channels a good deal faster than max along the short axis
+        s = np.maximum(s, f[:, c])
+    return s
+
+
 class Target:
     """log p of BRDF values (N, C) at wi, wo (N, 3). `rescale` sets albedos and floor from what was measured."""
 
@@ -42,16 +56,7 @@ class Target:
     def scalar(self, f: Array) -> Array:
         """s(f), (N,); negative readings count as 0 (the bias this makes is in docs/sampling.md)."""
         f = np.maximum(f, 0)
-        if isinstance(self.channels, int):
-            return f[:, self.channels]
-        if self.channels == "luminance":
-            return f @ LUMINANCE
-        if self.channels == "mean":
-            return f.mean(1)
-        s = f[:, 0] * self.inverse_albedo[0]
-        for c in range(1, f.shape[1]):
-            s = np.maximum(s, f[:, c] * self.inverse_albedo[c])
-        return s
+        return combined(self.channels, f * self.inverse_albedo if self.channels == "max" else f)
 
     def _strength(self, f: Array) -> Array:
         s = self.scalar(f)
@@ -93,21 +98,9 @@ class Unknown(Target):
         super().__init__(channels, power, 0.0, count)
         self.epoch: Frozen | None = None
 
-    def copy(self) -> "Unknown":
-        """Without the epoch in force."""
-        other = Unknown(self.channels, self.power, 0.0, len(self.inverse_albedo))
-        other.restore(self.state())
-        return other
-
     def log_strength(self, f: Array, inverse_albedo: Array, floor: Array) -> Array:
         """log (s + floor)^power (N,) of f, inverse_albedo (N, C)."""
-        f = np.maximum(f, 0) * inverse_albedo
-        if isinstance(self.channels, int):
-            s = f[:, self.channels]
-        elif self.channels == "luminance":
-            s = f @ LUMINANCE
-        else:
-            s = f.mean(1) if self.channels == "mean" else f.max(1)
+        s = combined(self.channels, np.maximum(f, 0) * inverse_albedo)
         return self.power * np.log(s + floor + TINY)
 
     def log_prob(self, f: Array, wi: Array, wo: Array, log_rest: Array | None = None) -> Array:

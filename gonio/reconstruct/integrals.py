@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from gonio.geometry import Array
+from gonio.geometry import Array, to_angles
 from gonio.mcmc.proposals.pool import Pool
 from gonio.reconstruct.errors import ReconstructionError
 from gonio.reconstruct.running import RunningBrdf, fit
@@ -138,8 +138,7 @@ def _control(samples: Samples, anisotropic: bool) -> Control | None:
 
 def _integrands(wi: Array) -> Array:
     """What f cos(theta_o) is multiplied by for each estimate, (N, BANDS + 1)."""
-    theta = np.arctan2(np.hypot(wi[:, 0], wi[:, 1]), wi[:, 2])
-    band = np.minimum((theta * (BANDS / (np.pi / 2))).astype(int), BANDS - 1)
+    band = np.minimum((to_angles(wi)[0] * (BANDS / (np.pi / 2))).astype(int), BANDS - 1)
     out = np.zeros((len(wi), BANDS + 1))
     out[np.arange(len(wi)), band] = 1 / SOLID_ANGLES[band]
     out[:, BANDS] = wi[:, 2] / np.pi

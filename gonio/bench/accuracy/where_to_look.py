@@ -76,11 +76,10 @@ def _compare(truth: Brdf, rig: RigConfig, n: int, seed: int) -> list[tuple[float
             {"name": "x", "channels": truth.channels, "seed": seed, "sampler": section, "budget": {"measurements": n}}
         )
         found.append(_judged(asked(material, truth, rig), truth, rig))
-    directions = sobol_list(4 * n, seed, reachable)
-    for count in (n, None):
-        count = count or int(n * found[0][1] / found[2][1])
-        found.append(_judged([(directions[0][:count], directions[1][:count], None)], truth, rig))
-    return found
+    wi, wo = sobol_list(4 * n, seed, reachable)
+    listed = _judged([(wi[:n], wo[:n], None)], truth, rig)
+    count = int(n * found[0][1] / listed[1])  # as many as fit into the time of `unknown`
+    return [*found, listed, _judged([(wi[:count], wo[:count], None)], truth, rig)]
 
 
 def _judged(batches, truth: Brdf, rig: RigConfig) -> tuple[float, float]:

@@ -21,7 +21,7 @@ from typing import Protocol
 
 import numpy as np
 
-from gonio.geometry import Array
+from gonio.geometry import Array, to_angles
 from gonio.mcmc.chain.support import NoSupport
 from gonio.mcmc.proposals.pool import Pool
 from gonio.mcmc.target import Unknown
@@ -68,7 +68,7 @@ class Epoch:
     def __init__(self, running: Running, target: Unknown, measured: tuple[Array, Array], support: Callable, rng):
         from scipy.spatial import cKDTree
 
-        self.running, self.target, self.support = running, target.copy(), support
+        self.running, self.target, self.support = running, target, support
         self.pool = Pool(0.25 * running.t0)
         self.occupied = running.coordinates(*measured)
         self._tree = cKDTree(self.occupied)
@@ -133,7 +133,7 @@ class Epoch:
 
     def _view(self, wi: Array, wo: Array) -> View:
         x, m = self.running.coordinates(wi, wo), np.log(self.running.measure(wi, wo) + TINY)
-        v = np.where(theta_i(wi) > GRAZING, np.log(LIGHTER), 0.0)
+        v = np.where(to_angles(wi)[0] > GRAZING, np.log(LIGHTER), 0.0)
         rest = self.target.power * (np.log(wo[:, 2]) + v + m + np.log(self.running.roughness(wi, wo)))
         expected = self.target.log_strength(self.running.eval(wi, wo), self.inverse_albedo(wi), self.floor(wi))
         hole = np.clip(self._holes(x, rest + expected) / self._usual, AT_LEAST, AT_MOST)
@@ -147,14 +147,15 @@ class Epoch:
     # ---- the draws
 
     def expect(self, count: float, pool: int) -> None:
-        """Let `pool` candidates of the cube give `count` draws, by the choice of c; at most all of them."""
+        """Let `pool` candidates of the cube give about `count` draws, by the choice of c; at most all of them. How many
+        they were gives a."""
         share = min(count / pool, 0.9 * len(self._log_ratio) / CALIBRATION)
         low, high = -self._log_ratio.max() - 40, -self._log_ratio.min() + 1
         for _ in range(60):
             middle = 0.5 * (low + high)
             drawn = np.exp(np.minimum(0.0, self._log_ratio + middle)).sum() / CALIBRATION
             low, high = (middle, high) if drawn < share else (low, middle)
-        self._log_c, self.log_a = middle, float(np.log(drawn))
+        self._log_c = middle
 
     def log_drawn(self, log_p: Array, log_b: Array) -> Array:
         """log r of candidates, (N,)."""
@@ -174,9 +175,5 @@ class Epoch:
         return -self.log_prob(u[:3].T, u[3:].T)
 
 
-def theta_i(wi: Array) -> Array:
-    return np.arctan2(np.hypot(wi[:, 0], wi[:, 1]), wi[:, 2])
-
-
 def band_of(wi: Array):
-    return np.minimum((theta_i(wi) * (BANDS / (np.pi / 2))).astype(int), BANDS - 1)
+    return np.minimum((to_angles(wi)[0] * (BANDS / (np.pi / 2))).astype(int), BANDS - 1)

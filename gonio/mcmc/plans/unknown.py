@@ -91,13 +91,11 @@ class UnknownPlan:
     def _begin(self, target: Unknown) -> None:
         assert self._seen is not None
         s = self._seen
-        known = np.isfinite(s["log_q"])
-        running = None
-        if known.any():
-            target.rescale(s["f"][known], s["wo"][known, 2], s["log_q"][known])
-            running = None if self.fit is None else self.fit(s["wi"], s["wo"], s["f"], s["sigma"])
+        running = Blind(s["f"].shape[1])
+        if self.fit is not None and len(s["f"]):
+            running = self.fit(s["wi"], s["wo"], s["f"], s["sigma"]) or running
         rng = _generator((int(s["key"][0]), int(s["key"][1])), 0)
-        self.epoch = Epoch(running or Blind(s["f"].shape[1]), target, (s["wi"], s["wo"]), self.support, rng)
+        self.epoch = Epoch(running, target, (s["wi"], s["wo"]), self.support, rng)
         target.epoch = self.epoch
 
     def _size(self, asked: int) -> int:

@@ -40,10 +40,7 @@ class Pool:
 
     def candidates(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """wi, wo (N, 3), both above the lowest elevation: what is left of `count`."""
-        return self.place((evenly(count) + rng.random(4)) % 1)
-
-    def place(self, u: Array) -> tuple[Array, Array]:
-        """The pairs at u (N, 4) in the unit cube, those too low left out."""
+        u = (evenly(count) + rng.random(4)) % 1
         theta_h = self.t * np.sinh(u[:, 0] * self.length)
         wi, wo = from_half_diff(theta_h, 2 * np.pi * u[:, 3], np.pi / 2 * u[:, 1], 2 * np.pi * u[:, 2])
         keep = (wi[:, 2] > LOWEST) & (wo[:, 2] > LOWEST)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gonio.mcmc.proposals import DRAWN, INDEPENDENCE, PILOT
+from gonio.mcmc.proposals import DRAWN, INDEPENDENCE
 from gonio.reconstruct.integrals import Draws
 from gonio.run.record.store import Measured, Store
 
@@ -19,7 +19,7 @@ def load_draws(store: Store, m: Measured) -> Draws:
     at = np.searchsorted(m.id, s["id"][measured])
     have[measured] = (at < len(m.id)) & (m.id[np.minimum(at, len(m.id) - 1)] == s["id"][measured])
     designed = (s["kind"] == DRAWN).any()
-    drawn = np.isin(s["kind"], (INDEPENDENCE, DRAWN)) & np.isfinite(s["log_q"]) & (s["kind"] != PILOT)
+    drawn = np.isin(s["kind"], (INDEPENDENCE, DRAWN)) & np.isfinite(s["log_q"])
     # a free step of an independence chain is a draw that fell where f is 0; an empty slot of a block is no draw
     drawn &= have | (~measured & (not designed))
     row = np.full(len(measured), -1)
