@@ -1,11 +1,16 @@
 """Files that appear whole or not at all: written beside, synced to the disk, renamed."""
 
+import glob
 import os
+import shutil
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
+
+ABANDONED_S = 86400.0  # a part this old is of a process that was killed
 
 
 @contextmanager
@@ -16,6 +21,7 @@ def beside(path: str | os.PathLike) -> Iterator[Path]:
     left behind. Raises OSError.
     """
     path = Path(path)
+    _sweep(path.parent, f".{glob.escape(path.stem)}.*.part{glob.escape(path.suffix)}")
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=f".part{path.suffix}")
     os.close(handle)
     part = Path(name)
@@ -26,14 +32,45 @@ def beside(path: str | os.PathLike) -> Iterator[Path]:
             os.fsync(handle)
         finally:
             os.close(handle)
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(part, 0o666 & ~umask)  # mkstemp makes files that only their owner may read
+        os.chmod(part, 0o666 & ~_umask())  # mkstemp makes files that only their owner may read
         os.replace(part, path)
         _sync_folder(path.parent)
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def folder_beside(path: str | os.PathLike) -> Iterator[Path]:
+    """An empty folder beside `path` that becomes it when the block ends; after an error nothing is left behind.
+
+    Raises OSError, also where there is something else at `path` by then.
+    """
+    path = Path(path)
+    _sweep(path.parent, ".*.part")
+    part = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part"))
+    try:
+        yield part
+        os.chmod(part, 0o777 & ~_umask())
+        os.rename(part, path)
+        _sync_folder(path.parent)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        raise
+
+
+def _umask() -> int:
+    umask = os.umask(0)
+    os.umask(umask)
+    return umask
+
+
+def _sweep(folder: Path, pattern: str) -> None:
+    """Delete what killed processes left of `pattern` in the folder."""
+    for part in folder.glob(pattern):
+        with suppress(OSError):
+            if time.time() - part.stat().st_mtime > ABANDONED_S:
+                shutil.rmtree(part) if part.is_dir() else part.unlink()
 
 
 def _sync_folder(folder: Path) -> None:

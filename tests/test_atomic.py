@@ -248,3 +248,29 @@ def test_what_is_written_is_on_the_disk_before_it_is_renamed(tmp_path, monkeypat
     assert order == ["sync", "rename", "sync"] * 2  # the file, its name, the folder that holds the name
     assert np.load(tmp_path / "b.npy").shape == (3,)
     assert Path(tmp_path / "a").stat().st_mode & 0o444 == 0o444 & ~os.umask(os.umask(0))
+
+
+def test_what_a_killed_process_left_is_swept_a_day_later(tmp_path):
+    old, young, other = tmp_path / ".a.x.part.txt", tmp_path / ".a.y.part.txt", tmp_path / ".b.x.part.txt"
+    for part in (old, young, other):
+        part.write_text("half")
+    for part in (old, other):
+        os.utime(part, (0, 0))
+    gonio.atomic.write_text(tmp_path / "a.txt", "whole")
+    assert {p.name for p in tmp_path.iterdir()} == {"a.txt", young.name, other.name}
+
+
+def test_a_run_killed_while_its_folder_is_made_leaves_the_name_free(tmp_path):
+    from gonio.run.record.store import Store
+
+    child = os.fork()
+    if child == 0:
+        gonio.atomic.os.rename = lambda *_: os._exit(9)
+        Store.create(tmp_path / "run", "name: x", {})
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
+    (left,) = tmp_path.iterdir()
+    assert left.name.startswith(".run.")
+    os.utime(left, (0, 0))
+    Store.create(tmp_path / "run", "name: x", {}).close()
+    assert [p.name for p in tmp_path.iterdir()] == ["run"]

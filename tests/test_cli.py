@@ -58,7 +58,7 @@ def test_evaluate(run):
 
 def test_evaluate_says_what_the_referee_says(run, score):
     import gonio as package
-    from gonio.run.products import open_truth
+    from gonio.run.truth import open_truth
 
     ours = json.loads(gonio("evaluate", run, "--json").stdout)
     theirs = score.score(package.load_brdf(run).eval, open_truth("analytic_gloss").eval)

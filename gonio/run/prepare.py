@@ -8,7 +8,6 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-import gonio
 from gonio.brdf import Brdf
 from gonio.config import ConfigError, Material
 from gonio.config.fit import refuse_misfit
@@ -23,6 +22,7 @@ from gonio.rig.build import (
 )
 from gonio.rig.motion.envelope import Envelope
 from gonio.run.record.folder import refuse_folder
+from gonio.run.truth import find_truth
 
 
 @dataclass(frozen=True)
@@ -66,20 +66,6 @@ def prepare(material: Material, rig: RigConfig, out: Path | None = None) -> Prep
 def new_name() -> str:
     """A run's own, in the folder of its material: when, and a few digits so that two of a second do not meet."""
     return f"{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}-{secrets.token_hex(2)}"
-
-
-def find_truth(material: Material, rig: RigConfig) -> tuple[Brdf | None, str]:
-    """The BRDF a simulated rig shows and where it was found; (None, "") on a real rig."""
-    if rig.depth == "real":
-        if material.truth is not None:
-            raise ConfigError(f"truth: rig {rig.name} is real and shows what lies on it; leave `truth` out")
-        return None, ""
-    if material.truth is None:
-        raise ConfigError(f"truth: missing; rig {rig.name} is simulated and needs a BRDF to show")
-    from gonio.brdf.library import find
-
-    found = find(material.truth)
-    return gonio.load_brdf(found.path), found.origin
 
 
 def _refuse_missing_devices(rig: RigConfig) -> None:

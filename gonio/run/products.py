@@ -5,11 +5,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import gonio
-from gonio.brdf import Brdf
+from gonio.brdf.library import find
 from gonio.config import ConfigError
 from gonio.run.record.config import read_config
 from gonio.run.record.samples import load_samples
 from gonio.run.record.store import Store
+from gonio.run.truth import open_truth, own_truth
 
 if TYPE_CHECKING:
     from gonio.run.record.integrals import AlbedoOfRun
@@ -60,11 +61,12 @@ def evaluate_run(path: str, truth: str | None) -> dict[str, float]:
     if truth is None:
         if not (Path(path) / "config.yaml").is_file():
             raise ConfigError(f"{path}: not a run folder; say what to compare it with by --truth")
-        truth = read_config(path).material.truth
-        if truth is None:
+        own = own_truth(path)
+        if own is None:
             raise ConfigError(
                 f"{path}: measured on a real rig, its truth is not known; say what to compare it with by --truth"
             )
+        truth = str(own.path)
     brdf, reference = gonio.load_brdf(path), open_truth(truth)
     if brdf.channels != reference.channels:
         raise ConfigError(f"--truth {truth}: has {reference.channels} channels, {path} has {brdf.channels}")
@@ -79,13 +81,6 @@ def albedo_of_run(path: str) -> "AlbedoOfRun":
         return AlbedoOfRun((), None)
     with Store.open(path, write=False) as store:
         return AlbedoOfRun.of(store, read_config(path).material)
-
-
-def open_truth(name: str) -> Brdf:
-    """A BRDF by path or by a material's name."""
-    from gonio.brdf.library import find
-
-    return gonio.load_brdf(find(name).path)
 
 
 def export_run(folder: Path, format: str, out: Path | None = None) -> Path:
@@ -108,9 +103,8 @@ def make_report(folder: Path) -> Path:
     from gonio.render.report import write_report
 
     config = read_config(folder)
-    truth = None
-    if config.material.truth is not None:
-        truth = open_truth(config.material.truth)
+    own = own_truth(folder)
+    truth = None if own is None else gonio.load_brdf(own.path)
     path = Path(folder) / "report.html"
     with Store.open(folder, write=False) as store:
         write_report(path, store, config.material, gonio.load_brdf(folder), truth, _run_flow(folder))
@@ -144,7 +138,7 @@ def _subject(folder: Path, truth: str | None):
     from gonio.render.thesis.subject import Subject
 
     material = read_config(folder).material
-    name = truth or material.truth
+    shown = find(truth) if truth else own_truth(folder)
     path = Path(folder) / "flow.npz"
     flow = gonio.load_brdf(path) if path.exists() else None
     with Store.open(folder, write=False) as store:
@@ -155,7 +149,7 @@ def _subject(folder: Path, truth: str | None):
         channels=material.channels,
         samples=samples,
         ours=gonio.load_brdf(folder),
-        truth=None if name is None else open_truth(name),
+        truth=None if shown is None else gonio.load_brdf(shown.path),
         density=_run_flow(folder) if flow is None else getattr(flow, "density", None),
         flow=flow,
         seed=material.seed,
@@ -175,14 +169,12 @@ def render_band(folder: Path, size: int, spp: int) -> list[str]:
 
 def render_run(folder: Path, truth: str | None, size: int, spp: int) -> list[str]:
     """render.png and render.json in the run: truth, ours, difference in Mitsuba 3; the lines that say so."""
-    from gonio.brdf.library import find
     from gonio.render.beside import render_beside
 
-    name = truth or read_config(folder).material.truth
+    found = find(truth) if truth else own_truth(folder)
     ours = gonio.load_brdf(folder)
-    if name is None:
+    if found is None:
         return render_beside(ours, None, None, Path(folder), size, spp)
-    found = find(name)
     table = Path(found.path) if str(found.path).endswith(".bsdf") else None
     return render_beside(ours, gonio.load_brdf(found.path), table, Path(folder), size, spp)
 

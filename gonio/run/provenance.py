@@ -12,6 +12,7 @@ import numpy as np
 import gonio
 from gonio.config import Material
 from gonio.config.rig import RigConfig
+from gonio.run.truth import truth_sha256
 
 
 def provenance(material: Material, rig: RigConfig, origin: str) -> dict[str, Any]:
@@ -27,6 +28,7 @@ def provenance(material: Material, rig: RigConfig, origin: str) -> dict[str, Any
         "rig": rig.name,
         "depth": rig.depth,
         "truth": origin,
+        "truth_sha256": truth_sha256(material),
         "calibration": json.loads(rig.calibration.model_dump_json()),
         "started": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
     }

@@ -16,10 +16,11 @@ from gonio.mcmc import make_sampler
 from gonio.rig.errors import RigError
 from gonio.rig.signal.watch import LostSight
 from gonio.run.open_rig import open_rig
-from gonio.run.prepare import find_truth, prepare
+from gonio.run.prepare import prepare
 from gonio.run.provenance import provenance
 from gonio.run.record.config import RunConfig, dump, read_config, write_config
 from gonio.run.record.store import Store
+from gonio.run.truth import find_truth, own_truth
 
 
 @dataclass
@@ -123,6 +124,7 @@ def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = ()) -> R
             raise ConfigError(
                 f"--set {o}: a run keeps what its chain was started with; only budget, stop and reconstruct may change"
             )
+    own_truth(folder)
     truth, origin = find_truth(config.material, config.rig)
     store = Store.open(folder, write=True, **_care(config.rig))
     if overrides:

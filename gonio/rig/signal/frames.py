@@ -1,7 +1,6 @@
 """Dark and flat frames and bad pixels of a camera: a file that `gonio calibrate camera` writes and a rig refers to."""
 
 import datetime as dt
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gonio.atomic import replacing
+from gonio.brdf.saved import read_arrays
 from gonio.geometry import Array
 from gonio.rig.errors import CalibrationMissing
 
@@ -50,16 +50,16 @@ def load_frames(path: Path, exposures: tuple[float, ...], size: tuple[int, int],
     """
     again = "make them anew with `gonio calibrate camera --frames`"
     try:
-        with np.load(path, allow_pickle=False) as file:
-            flat = file["flat"].astype(float) if "flat" in file else None
-            found = Frames(
-                tuple(file["exposures"].tolist()), file["dark"].astype(float), int(file["averaged"]),
-                file["bad"].astype(bool), flat, str(file["id"]), str(file["date"]),
-            )  # fmt: skip
+        file = read_arrays(path)
+        flat = file["flat"].astype(float) if "flat" in file else None
+        found = Frames(
+            tuple(file["exposures"].tolist()), file["dark"].astype(float), int(file["averaged"]),
+            file["bad"].astype(bool), flat, str(file["id"]), str(file["date"]),
+        )  # fmt: skip
         age = dt.datetime.now(dt.UTC) - dt.datetime.fromisoformat(str(found.date))
     except FileNotFoundError:
         raise CalibrationMissing(f"{path}: no such file; {again}") from None
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as e:
+    except (OSError, ValueError, KeyError, TypeError) as e:
         raise CalibrationMissing(f"{path}: cannot be read ({type(e).__name__}); {again}") from None
     if found.exposures != exposures:
         raise CalibrationMissing(f"{path}: made for other exposures than camera.exposure_s; {again}")

@@ -76,6 +76,11 @@ def remove(folder: Path, made: Sequence[Path]) -> None:
     for path in folder.iterdir():
         path.unlink()
     folder.rmdir()
+    remove_empty(made)
+
+
+def remove_empty(made: Sequence[Path]) -> None:
+    """Delete those of the folders that are empty, innermost first."""
     with contextlib.suppress(OSError):
         for parent in made:
             parent.rmdir()

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gonio.atomic import write_text
+from gonio.atomic import folder_beside, write_text
 from gonio.geometry import Array
-from gonio.run.record.folder import StoreError, connect, explained, refuse_folder, remove, take_lock
+from gonio.run.record.folder import StoreError, connect, explained, refuse_folder, remove, remove_empty, take_lock
 from gonio.run.record.schema import FORMAT, RIG, SCHEMA, STEP_COLUMNS, SUSPECTS, Measured, numbers
 
 
@@ -56,23 +56,23 @@ class Store:
         folder = Path(folder)
         made = [p for p in folder.parents if not p.exists()]
         refuse_folder(folder)
+        meta = {"format": FORMAT, "provenance": provenance, "ended": ""}
         try:
             folder.parent.mkdir(parents=True, exist_ok=True)
-            folder.mkdir()
         except OSError as e:
             raise StoreError(f"{folder}: {e.strerror}; name another folder with --out") from None
         try:
-            with explained(folder):
-                lock = take_lock(folder)
-                write_text(folder / "config.yaml", config_yaml)
-                db = connect(folder / "run.sqlite", power_safe)
-                db.executescript(SCHEMA + SUSPECTS)
-                meta = {"format": FORMAT, "provenance": provenance, "ended": ""}
-                db.executemany("INSERT INTO meta VALUES (?, ?)", [(k, json.dumps(v)) for k, v in meta.items()])
-                db.commit()
+            with explained(folder), folder_beside(folder) as part:
+                lock = take_lock(part)
+                write_text(part / "config.yaml", config_yaml)
+                with contextlib.closing(connect(part / "run.sqlite", power_safe)) as db:
+                    db.executescript(SCHEMA + SUSPECTS)
+                    db.executemany("INSERT INTO meta VALUES (?, ?)", [(k, json.dumps(v)) for k, v in meta.items()])
+                    db.commit()
         except StoreError:
-            remove(folder, made)  # nothing half-written
+            remove_empty(made)
             raise
+        db = connect(folder / "run.sqlite", power_safe)
         store = cls(folder, db, lock, commit_interval)
         store._made = made
         return store
