@@ -12,7 +12,7 @@ from gonio.run.record.store import Store
 
 OLD = Path(__file__).parent / "data" / "run_before_the_move"
 
-SAME = 230
+SAME = 192
 
 
 def gonio(*args):

@@ -66,7 +66,7 @@ class RunningBrdf(Sampled):
         looked = rng.permutation(len(p.samples))[:LOOKED_AT]
         said, relative = left_out_with_variance(self._x, p.y, p.variance, looked)
         if len(p.samples) <= FEW:
-            said = said_by_others(p, self.stretch, rng)[looked]
+            said, relative = (v[looked] for v in said_by_others(p, self.stretch, rng))
         return looked, said, relative
 
     def interval(self, wi: Array, wo: Array) -> tuple[Array, Array]:

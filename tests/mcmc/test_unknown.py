@@ -217,12 +217,12 @@ def blocks_of(sampler, total):
 
 def test_blocks_double_and_the_last_before_the_budget_is_one_tour():
     sizes = blocks_of(make_sampler(material(), None, surrogate(0.3), (1000,)), 1000)
-    assert sizes == [50, 50, 100, 200, 600]
+    assert sizes == [24, 24, 48, 96, 192, 384, 232]
 
 
 def test_a_budget_that_was_raised_leaves_what_came_before_as_it_was():
     a, b = (make_sampler(material(), None, surrogate(0.3), cuts) for cuts in ((300,), (300, 900)))
-    for _ in range(4):
+    for _ in range(5):
         x, y = a.ask(), b.ask()
         assert np.array_equal(x.wi, y.wi)
         for s, batch in ((a, x), (b, y)):
@@ -238,7 +238,7 @@ def test_half_of_a_block_has_weights_and_half_fills_holes():
     assert abs(drawn.sum() - filled.sum()) < 20
     assert np.isfinite(s.log_q[drawn]).all() and np.isnan(s.log_q[filled]).all()
     assert len(np.unique(s.id[s.id >= 0])) == 400
-    assert (s.step[filled] < 0).all() and set(s.chain[filled]) == {1, 2, 3}  # the blocks they belong to
+    assert (s.step[filled] < 0).all() and set(s.chain[filled]) == {1, 2, 3, 4}  # the blocks they belong to
 
 
 def test_nothing_is_asked_twice_and_holes_are_not_where_samples_are():
@@ -254,7 +254,7 @@ def test_nothing_is_asked_twice_and_holes_are_not_where_samples_are():
 @pytest.mark.parametrize("fit", [None, lambda wi, wo, f, sigma=None: None], ids=["none", "never one"])
 def test_without_a_reconstruction_it_looks_evenly(fit):
     sampler = make_sampler(material(), None, fit, (400,))
-    assert blocks_of(sampler, 400) == [50, 50, 100, 200]
+    assert blocks_of(sampler, 400) == [24, 24, 48, 96, 208]
     s = sampler.take_steps()
     theta_i = np.degrees(np.arctan2(np.hypot(s.wi[:, 0], s.wi[:, 1]), s.wi[:, 2]))[s.id >= 0]
     assert (np.histogram(theta_i, 6, (0, 90))[0] > 15).all()

@@ -83,7 +83,7 @@ def test_what_the_others_say_of_a_sample_does_not_hang_on_it():
         f[k] *= factor
         p = Problem.of(Samples.of(d.wi[:count], d.wo[:count], f), Isotropic(), np.random.default_rng(0))
         stretch = p.frame.stretch(0.2)
-        said = said_by_others(p, stretch, np.random.default_rng(1))
+        said, _ = said_by_others(p, stretch, np.random.default_rng(1))
         honest.append(p.ratio.inverse(said, p.b)[k])
         others = left_out(stretch(p.angles), p.y, p.variance, np.arange(count))
         believing.append(p.ratio.inverse(others, p.b)[k])

@@ -18,7 +18,7 @@ def test_a_rule_is_asked_inside_a_block(tmp_path):
     try:
         reason = acquire(
             sampler, rig, store, material, good_enough=lambda p: "enough" if p.measured >= 70 else None
-        )  # blocks of 50, 50, 100, 200
+        )  # blocks of 24, 24, 48, 96, 208
         assert reason == "enough" and len(store.measured().id) == 70
     finally:
         store.close()

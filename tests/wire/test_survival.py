@@ -267,13 +267,14 @@ def test_a_stop_is_obeyed_within_a_few_packets():
         assert order + 2 <= 4 + again and (254, 130) in log[order + 1 :], log
         # the thread that moves them may have a poll under way, sees the stop too and says the same once more: no more
         assert len(log) <= order + 2 + 1 + 3 + again and set(log) == {(254, 130), (254, 131)}, log
+        between = []
         for s, first in zip(servos.values(), at_first):
             assert s._until < obeyed + 0.05, "still moving 50 ms later"
-            assert min(first, s._from) - 1 <= s._to <= max(first, s._from) + 1, "went on, or farther back"
-        rest = [s._to for s in servos.values()]
+            between.append((min(first, s._from) - 1, max(first, s._from) + 1))
+            assert between[-1][0] <= s._to <= between[-1][1], "went on, or farther back"
         moving.join()
-        # told once more to stay where they are, they may be a count farther than when they were asked first
-        assert max(abs(s._to - was) for s, was in zip(servos.values(), rest)) <= 1, "moved after the stop"
+        # told once more to stay where they are while they come back from where the order met them, they stay there
+        assert all(low <= s._to <= high for s, (low, high) in zip(servos.values(), between)), "moved after the stop"
         print(f"stopped in {1000 * (obeyed - asked):.1f} ms, {packets} packets")
     finally:
         rig.close()

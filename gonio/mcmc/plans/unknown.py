@@ -26,7 +26,7 @@ from gonio.mcmc.proposals.pool import LOWEST, evenly
 from gonio.mcmc.proposals.spread import fill
 from gonio.mcmc.target import Target, Unknown
 
-PILOT, MOST_OF_PILOT = 50, 1024
+PILOT, MOST_OF_PILOT = 24, 1024
 SMALLEST, LARGEST = 16, 8192  # of a block
 STRETCHED = 1.5  # times its size a block may have to be the last before the budget
 DRAWN_SHARE = 0.5

@@ -13,10 +13,11 @@ import numpy as np
 from gonio.geometry import Array
 from gonio.reconstruct.clean import clean
 from gonio.reconstruct.errors import ReconstructionError
+from gonio.reconstruct.prior.blend import Base, Blend
 from gonio.reconstruct.samples import Samples
 from gonio.reconstruct.splines import symmetry
 from gonio.reconstruct.splines.expected_error import MEAN_OVER_68, expected_error
-from gonio.reconstruct.splines.few import FEW, said_by_others
+from gonio.reconstruct.splines.few import FEW, FEWEST, said_by_others
 from gonio.reconstruct.splines.frame import Coordinates, Frame, PairAngles
 from gonio.reconstruct.splines.grain import Grain
 from gonio.reconstruct.splines.held_out import EnergyError, solid_angles
@@ -34,6 +35,7 @@ from gonio.reconstruct.tables.tabulate import TabulatedBrdf
 TESTED = 600
 CHOOSING = 30_000
 LOOKED_AT = 3000
+WIDTHS_OF_PEAK = np.geomspace(1 / 8, 8, 7)
 LIFTED = 0.3  # sd: where less is known than that, the median has the smaller error
 TRUSTED = (0.4, 4.0)  # how far held-out samples may scale what the posterior expects
 
@@ -78,11 +80,14 @@ class AutoBrdf:
             a = self.table.frame.angles(wi[up], wo[up])
             at, ratio, base = self.table.chart(a), self.table.ratio, self.table.base(a)
             sd = self.spread(at)
-            middle, half = self.table.table(at) - lift(sd), width(self.widths, level) * sd
+            middle, half = self.table.table(at) - self._lift(sd), width(self.widths, level) * sd
             cos_o = a.cos_o[:, None]
             low[up] = ratio.inverse(middle - half, base) / cos_o
             high[up] = ratio.inverse(middle + half, base) / cos_o
         return low, high
+
+    def _lift(self, sd: Array) -> Array:
+        return lift(sd) if self.notes.get("lifted", 1.0) else np.zeros_like(sd)
 
     @property
     def alignment(self) -> Alignment:
@@ -114,7 +119,7 @@ class Problem:
     g: Array
     sigma: Array
     ratio: LogRatio
-    base: RobustBase
+    base: Base
     b: Array
     y: Array
     variance: Array
@@ -124,7 +129,7 @@ class Problem:
         a = frame.angles(s.wi, s.wo)
         g, sigma = s.f * a.cos_o[:, None], s.sigma * a.cos_o[:, None]
         ratio = LogRatio.of(g, sigma)
-        base = RobustBase.fit(a, g, ratio.floor, rng, sigma)
+        base = Blend.over(RobustBase.fit(a, g, ratio.floor, rng, sigma), a, g, sigma, ratio.floor)
         b = base(a)
         return cls(s, frame, a, g, sigma, ratio, base, b, ratio.forward(g, b), ratio.variance(g, sigma, b))
 
@@ -143,7 +148,7 @@ class Splines:
     """
 
     frame: Frame
-    base: RobustBase
+    base: Base
     ratio: LogRatio
     t0: float
     log_ratio: Callable[[PairAngles], Array]
@@ -175,7 +180,10 @@ def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) ->
     bounds, s = s[s.saturated], s[~s.saturated]
     frame: Frame = Grain.of(s.wi, s.wo, np.maximum(s.f, 0)) if anisotropic else Isotropic()
     p = Problem.of(s, frame, rng)
-    wrong = outliers(frame.stretch(peak_width(p))(p.angles), p.y, rng)
+    enough = len(s) >= FEWEST
+    wrong = np.zeros(len(s), bool)
+    if enough:
+        wrong = outliers(frame.stretch(peak_width(p))(p.angles), p.y, rng)
     if wrong.any():
         s = s[~wrong]
         if not (s.f > 0).any():
@@ -183,7 +191,7 @@ def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) ->
                 f"all {wrong.sum()} readings above zero stand alone among {len(s)} that are not; check light and range"
             )
         p = Problem.of(s, frame, rng)
-    mirror = None if anisotropic else symmetry.ask(p, peak_width(p), rng)
+    mirror = None if anisotropic or not enough else symmetry.ask(p, peak_width(p), rng)
     if mirror is not None and mirror.corrected:
         s, bounds = mirror.alignment.applied(s), mirror.alignment.applied(bounds)
         p = Problem.of(s, frame, rng)
@@ -200,7 +208,7 @@ def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) ->
     looked = rng.permutation(len(s))[:LOOKED_AT]
     said, relative = left_out_with_variance(x, y, variance, looked)
     if len(s) <= FEW:
-        said = said_by_others(p, stretch, rng)[looked]
+        said, relative = (v[looked] for v in said_by_others(p, stretch, rng, mirrored if reciprocal else None))
     v = solid_angles(stretch, p.angles, looked)
     posterior = Posterior.of(x, y, variance, looked, said, relative, v)
     energy_error = EnergyError(p.angles, p.g, p.sigma, stretch, looked)
@@ -213,8 +221,10 @@ def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) ->
     sd = posterior.sd(stretch(nodes))
     known = Lookup(sd.reshape(*chart.spread, -1), chart.periodic, (1,) * len(chart.periodic))
 
+    lifted = len(s) > FEW  # how far it lies above is a guess of few samples, and the median has the smaller error
+
     def mean_log_ratio(a: PairAngles) -> Array:
-        return patches(stretch(a)) + lift(known(chart(a)))
+        return patches(stretch(a)) + (lift(known(chart(a))) if lifted else 0.0)
 
     notes = {
         "samples": len(s),
@@ -225,6 +235,7 @@ def splines(samples: Samples, *, anisotropic: bool, rng: np.random.Generator) ->
         "t0": stretch.t0,
         "azimuth": stretch.azimuth,
         "elevation": stretch.elevation,
+        "lifted": lifted,
     }
     if mirror is not None:
         notes |= mirror.notes()
@@ -257,7 +268,7 @@ def chosen_stretch(p: Problem, rng: np.random.Generator) -> Coordinates:
                 tried[c] = error(p.ratio.inverse(left_out(c(p.angles), p.y, p.variance, test), p.b[test]))
         return min(tried, key=lambda c: tried[c])
 
-    b = best([p.frame.stretch(t0) for t0 in first.t0 * np.geomspace(1 / 8, 8, 7)])
+    b = best([p.frame.stretch(t0) for t0 in first.t0 * (WIDTHS_OF_PEAK if len(p.g) >= FEWEST else WIDTHS_OF_PEAK[2:5])])
     b = best([p.frame.stretch(b.t0, azimuth, b.elevation) for azimuth in (0.5, 1.0)])
     b = best([p.frame.stretch(b.t0, b.azimuth, elevation) for elevation in (0.35, 0.8)])
     return b

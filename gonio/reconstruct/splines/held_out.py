@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from gonio.geometry import Array
 from gonio.reconstruct.splines.frame import Coordinates, PairAngles
 
+LEAST = 0.2  # of the error is kept, however much of it noise explains
 INCIDENCES = np.radians(np.array([0, 10, 20, 30, 40, 50, 60, 70, 78, 90]))
 
 
@@ -27,7 +28,8 @@ class EnergyError:
     def __call__(self, said: Array) -> float:
         """said (len(test), C): g = f cos(theta_o) as predicted."""
         error = float((np.abs(said - self._g) * self._weight).sum())
-        return float(np.sqrt(max(error**2 - self._noise**2, (0.2 * error) ** 2)))
+        noise = min(self._noise / max(error, 1e-300), 1.0)
+        return error * float(np.sqrt(max(1 - noise**2, LEAST**2)))
 
     def of_errors(self, errors: Array) -> float:
         """The energy error of samples that are wrong by `errors` (len(test), C), no noise in them."""

@@ -62,6 +62,13 @@ class RobustBase:
         parts = [lobes(theta_h) @ self.weights[4 + i * k : 4 + (i + 1) * k] for i in range(4)]
         self._radial = np.concatenate(parts, 1)
 
+    @property
+    def channels(self) -> int:
+        return self.weights.shape[1]
+
+    def to_arrays(self) -> dict[str, Array]:
+        return {"weights": self.weights}
+
     def __call__(self, a: PairAngles) -> Array:
         """(N, C)."""
         x = np.arcsinh(a.theta_h / ALPHA[0]) / _STEP
