@@ -1,9 +1,11 @@
 """The base under a reconstruction: the fitted lobes, and beside them, of few samples, what materials look like.
 
-    ln (b + e) = (1 - w) ln (b_lobes + e) + w ln (b_prior + e),   w = WORTH / (WORTH + N)
+    ln (b + e) = (1 - w) ln (b_lobes + e) + w ln (b_prior + e)
+    w / (1 - w) = WORTH / N  min(1, E_lobes / E_prior)^2
 
-The prior counts as so many samples. Two guesses of different kinds err in different places, and their mean errs less
-than either (docs/reconstruction.md has the table).
+The prior counts as so many samples, and as fewer where it says samples that were held out worse than lobes do; E is
+the mean |ln| at those. Two guesses of different kinds err in different places, and their mean errs less than either
+(docs/reconstruction.md has the table).
 """
 
 import numpy as np
@@ -15,7 +17,8 @@ from gonio.reconstruct.splines.robust_base import Angles, RobustBase
 from gonio.reconstruct.tables.lookup import Lookup
 
 WORTH = 25
-LEAST = 0.05  # weight below which the lobes stand alone
+LEAST = 0.05  # odds up to which the lobes stand alone
+FOLDS = 5
 
 
 class Blend:
@@ -35,10 +38,11 @@ class Blend:
     @classmethod
     def over(cls, lobes: RobustBase, a: PairAngles, g: Array, sigma: Array, floor: Array) -> "RobustBase | Blend":
         """Lobes and prior of samples g, sigma (N, C) at `a`; the lobes alone of many samples, or under a grain."""
-        weight = WORTH / (WORTH + len(g))
-        if weight < LEAST or not isinstance(a, Angles):
+        odds = WORTH / len(g)
+        if odds <= LEAST or not isinstance(a, Angles):
             return lobes
-        return cls(lobes, *shipped().table_of(a, g, sigma), weight, floor)
+        odds *= min(1.0, _lobes_over_prior(a, g, sigma, floor)) ** 2
+        return cls(lobes, *shipped().table_of(a, g, sigma), odds / (1 + odds), floor)
 
     def to_arrays(self) -> dict[str, Array]:
         own = {"prior": self.table.astype(np.float32), "prior_s": self.s, "prior_weight": np.array(self.weight)}
@@ -46,6 +50,19 @@ class Blend:
 
 
 Base = RobustBase | Blend
+
+
+def _lobes_over_prior(a: Angles, g: Array, sigma: Array, floor: Array) -> float:
+    """Mean |ln error| of lobes over that of the prior, of samples held out from both."""
+    rng = np.random.default_rng(0)
+    fold = rng.permutation(len(g)) % FOLDS
+    missed = np.zeros(2)
+    for out in (fold == k for k in range(FOLDS)):
+        lobes = RobustBase.fit(a.at(~out), g[~out], floor, rng, sigma[~out])
+        prior = Blend(lobes, *shipped().table_of(a.at(~out), g[~out], sigma[~out]), 1.0, floor)
+        truth = np.log(np.maximum(g[out], 0) + floor)
+        missed += [np.abs(np.log(base(a.at(out)) + floor) - truth).sum() for base in (lobes, prior)]
+    return float(missed[0] / max(missed[1], 1e-300))
 
 
 def base_from(d: dict[str, Array]) -> Base:
