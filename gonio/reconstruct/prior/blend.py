@@ -36,13 +36,19 @@ class Blend:
         return np.exp(lobes + self.weight * (np.log(prior + self.floor) - lobes)) - self.floor
 
     @classmethod
-    def over(cls, lobes: RobustBase, a: PairAngles, g: Array, sigma: Array, floor: Array) -> "RobustBase | Blend":
-        """Lobes and prior of samples g, sigma (N, C) at `a`; the lobes alone of many samples, or under a grain."""
+    def over(
+        cls, lobes: RobustBase, a: PairAngles, g: Array, sigma: Array, floor: Array, weight: float | None = None
+    ) -> "RobustBase | Blend":
+        """Lobes and prior of samples g, sigma (N, C) at `a`; the lobes alone of many samples, or under a grain.
+
+        weight: w, None = as above. Raises PriorError."""
         odds = WORTH / len(g)
-        if odds <= LEAST or not isinstance(a, Angles):
+        if odds <= LEAST or not isinstance(a, Angles) or weight == 0:
             return lobes
-        odds *= min(1.0, _lobes_over_prior(a, g, sigma, floor)) ** 2
-        return cls(lobes, *shipped().table_of(a, g, sigma), odds / (1 + odds), floor)
+        if weight is None:
+            odds *= min(1.0, _lobes_over_prior(a, g, sigma, floor)) ** 2
+            weight = odds / (1 + odds)
+        return cls(lobes, *shipped().table_of(a, g, sigma), weight, floor)
 
     def to_arrays(self) -> dict[str, Array]:
         own = {"prior": self.table.astype(np.float32), "prior_s": self.s, "prior_weight": np.array(self.weight)}

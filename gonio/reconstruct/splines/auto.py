@@ -125,11 +125,12 @@ class Problem:
     variance: Array
 
     @classmethod
-    def of(cls, s: Samples, frame: Frame, rng: np.random.Generator) -> "Problem":
+    def of(cls, s: Samples, frame: Frame, rng: np.random.Generator, prior_weight: float | None = None) -> "Problem":
+        """prior_weight: that of the prior in the base; None = by held-out samples."""
         a = frame.angles(s.wi, s.wo)
         g, sigma = s.f * a.cos_o[:, None], s.sigma * a.cos_o[:, None]
         ratio = LogRatio.of(g, sigma)
-        base = Blend.over(RobustBase.fit(a, g, ratio.floor, rng, sigma), a, g, sigma, ratio.floor)
+        base = Blend.over(RobustBase.fit(a, g, ratio.floor, rng, sigma), a, g, sigma, ratio.floor, prior_weight)
         b = base(a)
         return cls(s, frame, a, g, sigma, ratio, base, b, ratio.forward(g, b), ratio.variance(g, sigma, b))
 

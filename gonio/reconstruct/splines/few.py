@@ -29,7 +29,7 @@ def said_by_others(
     said, relative = np.empty_like(problem.y), np.empty(n)
     for k in range(FOLDS):
         out = fold == k
-        rest = make(problem.samples[~out], problem.frame, rng)
+        rest = make(problem.samples[~out], problem.frame, rng, problem.base.weight)
         a = problem.angles.at(out)
         x, y, variance = stretch(rest.angles), rest.y, rest.variance
         if mirrored is not None:

@@ -54,6 +54,8 @@ class Angles:
 class RobustBase:
     """g (N, C) of `Angles`; weights (4 + 4 len(ALPHA), C), in the order of `dictionary`."""
 
+    weight = 0.0  # of a prior in it (gonio.reconstruct.prior)
+
     def __init__(self, weights: Array):
         self.weights = np.asarray(weights, float)
         # the lobes' sums at fine steps of asinh(theta_h / ALPHA[0]): 3e-6 off, and a tenth of the time
