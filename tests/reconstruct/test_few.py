@@ -81,7 +81,7 @@ def test_what_the_others_say_of_a_sample_does_not_hang_on_it():
     for factor in (1.0, 3.0):
         f = d.f[:count].copy()
         f[k] *= factor
-        p = Problem.of(Samples.of(d.wi[:count], d.wo[:count], f), Isotropic(), np.random.default_rng(0))
+        p = Problem.of(Samples.of(d.wi[:count], d.wo[:count], f), Isotropic(), np.random.default_rng(0), 0.3)
         stretch = p.frame.stretch(0.2)
         said, _ = said_by_others(p, stretch, np.random.default_rng(1))
         honest.append(p.ratio.inverse(said, p.b)[k])
