@@ -47,9 +47,11 @@ def load_brdf(path: str | os.PathLike) -> Brdf:
         case ".npz":
             return _load_saved(text)
         case ".yaml":
-            from gonio.brdf.models.fitted import FittedBrdf
+            from gonio.brdf.models.fitted import FittedBrdf, read_yaml
+            from gonio.brdf.surfaces import read_surface
 
-            return FittedBrdf.from_file(text)
+            d = read_yaml(text)
+            return read_surface(text, d) if "surface" in d else FittedBrdf.read(text, d)
     raise BrdfFileError(f"{text}: not a BRDF; wanted a run folder, .npz, .bsdf, .binary, .yaml or FILE.npz:NAME")
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from gonio.brdf.base import BrdfFileError
 
 SUFFIXES = ("_rgb.bsdf", ".bsdf", "_spec.bsdf", ".binary")
+MADE = {"analytic": "analytic material", "micro": "surface made by gonio, its facets summed"}
 BASE_URL = "https://rgl.s3.eu-central-1.amazonaws.com/media/materials"
 
 
@@ -52,8 +53,8 @@ def available() -> list[Found]:
     out += _tables(cache_folder(), f"measured table, fetched to {cache_folder()}")
     fits = Path(str(files("sim"))) / "materials"
     for path in sorted(fits.glob("*.yaml")):
-        analytic = path.stem.startswith("analytic_")
-        origin = "analytic material" if analytic else "fit that ships with gonio, not the measured table"
+        kind = path.stem.partition("_")[0]
+        origin = MADE.get(kind, "fit that ships with gonio, not the measured table")
         out.append(Found(path.stem, path, origin))
     return out
 

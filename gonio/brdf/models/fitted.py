@@ -7,6 +7,7 @@ reciprocal and bilateral.
 """
 
 import os
+from typing import Any
 
 import numpy as np
 
@@ -38,20 +39,15 @@ class FittedBrdf:
     @classmethod
     def from_file(cls, path: str | os.PathLike) -> "FittedBrdf":
         """Read a YAML with `alpha` and `colour`. Raises BrdfFileError."""
-        import yaml
+        return cls.read(path, read_yaml(path))
 
+    @classmethod
+    def read(cls, path: str | os.PathLike, d: dict[str, Any]) -> "FittedBrdf":
+        """Of the keys of a file. Raises BrdfFileError."""
         try:
-            if (size := os.path.getsize(path)) > MOST_BYTES:
-                raise ValueError(f"{size} bytes, {MOST_BYTES} is the most that one has")
-            with open(path, encoding="utf-8") as stream:
-                text = stream.read()
-            if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
-                raise ValueError("aliases (*name) are not used here; write it out")
-            d = yaml.safe_load(text)
             return cls(d["alpha"], d["colour"])
-        except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, ValueError, RecursionError) as e:
-            line = " ".join(str(e).split())
-            raise BrdfFileError(f"{path}: not a fit of a material ({line})") from None
+        except (KeyError, TypeError, ValueError) as e:
+            raise BrdfFileError(f"{path}: not a fit of a material ({' '.join(str(e).split())})") from None
 
     @property
     def channels(self) -> int:
@@ -93,3 +89,22 @@ def basis(theta_d: Array) -> Array:
         down = np.divide(knots[degree + 1 :] - t, right, out=np.zeros((len(t), len(right))), where=right > 0)
         b = up * b[:, :-1] + down * b[:, 1:]
     return b
+
+
+def read_yaml(path: str | os.PathLike) -> dict[str, Any]:
+    """What a material's YAML file says. Raises BrdfFileError."""
+    import yaml
+
+    try:
+        if (size := os.path.getsize(path)) > MOST_BYTES:
+            raise ValueError(f"{size} bytes, {MOST_BYTES} is the most that one has")
+        with open(path, encoding="utf-8") as stream:
+            text = stream.read()
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
+            raise ValueError("aliases (*name) are not used here; write it out")
+        d = yaml.safe_load(text)
+        if not isinstance(d, dict):
+            raise ValueError("no keys in it")
+        return d
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, ValueError, RecursionError) as e:
+        raise BrdfFileError(f"{path}: not a fit of a material ({' '.join(str(e).split())})") from None
