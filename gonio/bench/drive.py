@@ -1,6 +1,7 @@
 """A sampler against a BRDF, with nothing between: what the studies of chains measure."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -55,21 +56,38 @@ def truth_of(spec: str) -> Brdf:
 
 
 def drive(
-    brdf: Brdf, sampler: dict | str, measurements: int, *, chains: int = 1, seed: int = 1, steps: int | None = None
+    brdf: Brdf,
+    sampler: dict | str,
+    measurements: int,
+    *,
+    chains: int = 1,
+    seed: int = 1,
+    steps: int | None = None,
+    symmetry: str = "isotropic",
 ) -> Driven:
     """Run a sampler section against `brdf` until so many measurements (or steps) are made."""
-    return driven_by(brdf, sampler, measurements, chains=chains, seed=seed, steps=steps)[0]
+    return driven_by(brdf, sampler, measurements, chains=chains, seed=seed, steps=steps, symmetry=symmetry)[0]
 
 
 def driven_by(
-    brdf: Brdf, sampler: dict | str, measurements: int, *, chains: int = 1, seed: int = 1, steps: int | None = None
+    brdf: Brdf,
+    sampler: dict | str,
+    measurements: int,
+    *,
+    chains: int = 1,
+    seed: int = 1,
+    steps: int | None = None,
+    symmetry: str = "isotropic",
 ) -> tuple[Driven, Sampler]:
     """As `drive`, and the sampler as it was left."""
     section = sampler if isinstance(sampler, str) else {**sampler, "chains": chains}
-    material = Material.model_validate({"name": "study", "channels": brdf.channels, "seed": seed, "sampler": section})
+    material = Material.model_validate(
+        {"name": "study", "channels": brdf.channels, "seed": seed, "symmetry": symmetry, "sampler": section}
+    )
     if isinstance(sampler, str):
         material = material.model_copy(update={"sampler": material.sampler.model_copy(update={"chains": chains})})
-    chain = make_sampler(material, None, surrogate, (measurements,))
+    anisotropic = symmetry == "anisotropic"
+    chain = make_sampler(material, None, partial(surrogate, anisotropic=anisotropic), (measurements,))
     wi, wo, f, made = [], [], [], 0
     while made < measurements and (steps is None or chain.step < steps):
         batch = chain.ask()
@@ -82,9 +100,9 @@ def driven_by(
     return Driven(chain.take_steps(), np.concatenate(wi), np.concatenate(wo), values, len(values)), chain
 
 
-def surrogate(wi: Array, wo: Array, f: Array, sigma: Array | None = None) -> Brdf:
+def surrogate(wi: Array, wo: Array, f: Array, sigma: Array | None = None, *, anisotropic: bool = False) -> Brdf:
     """What plans learn from and `delayed` acceptance screens with: the running reconstruction."""
     from gonio.reconstruct.running import fit
     from gonio.reconstruct.samples import Samples
 
-    return fit(Samples.of(wi, wo, f, sigma))
+    return fit(Samples.of(wi, wo, f, sigma), anisotropic=anisotropic)

@@ -25,6 +25,7 @@ from gonio.reconstruct import ReconstructionError, Samples, reconstruct
 from gonio.reconstruct.splines.auto import AutoBrdf
 
 EVERYWHERE = 3000
+AZIMUTHS: dict[str, tuple[float, ...]] = {"isotropic": (), "anisotropic": (0.7, 1.5708, 2.3)}  # of wi, besides 0
 
 
 class Noise(Section):
@@ -43,6 +44,7 @@ class Config(Section):
     models: tuple[str, ...] = ("auto",)
     sampler: dict | str = Field(default_factory=lambda: {"proposal": "auto"})
     chains: int = 4
+    symmetry: Literal["isotropic", "anisotropic"] = "isotropic"
     measurements: tuple[int, ...] = (300, 1000, 10000)
     noise: dict[str, Noise] = Field(
         default_factory=lambda: {"none": Noise(), "rig": Noise(relative=0.005, read=3.2e-5)}
@@ -61,7 +63,7 @@ def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
         truth = truth_of(name)
         pairs = _everywhere()
         for n in config.measurements:
-            d = drive(truth, config.sampler, n, chains=config.chains, seed=config.seed)
+            d = drive(truth, config.sampler, n, chains=config.chains, seed=config.seed, symmetry=config.symmetry)
             for label, noise in config.noise.items():
                 s = noisy(d.wi[:n], d.wo[:n], d.f[:n], noise, config.seed)
                 for model in config.models:
@@ -70,7 +72,7 @@ def run(config: Config, out: Path, say: Callable[[str], None]) -> None:
                         "model": model,
                         "noise": label,
                         "n": n,
-                        **_figures(s, model, truth, (*pairs, truth.eval(*pairs))),
+                        **_figures(s, model, truth, (*pairs, truth.eval(*pairs)), config.symmetry),
                     }
                     rows.append(row)
                     say(_line(rows[-1]))
@@ -107,18 +109,32 @@ def _everywhere() -> tuple[Array, Array]:
     return wi, wo
 
 
-def _figures(s: Samples, model: str, truth: Brdf, held_out: tuple[Array, Array, Array]) -> dict:
+def _figures(s: Samples, model: str, truth: Brdf, held_out: tuple[Array, Array, Array], symmetry: str) -> dict:
     began = time.process_time()
     try:
-        brdf = reconstruct(s, model)
+        brdf = reconstruct(s, model, anisotropic=symmetry == "anisotropic")
     except ReconstructionError as e:
         return {"refused": str(e)}
-    row = {"seconds": time.process_time() - began, **evaluate(brdf, truth)}
+    seconds = time.process_time() - began
+    turns = [evaluate(Turned(brdf, phi), Turned(truth, phi)) for phi in (0.0, *AZIMUTHS[symmetry])]
+    row = {"seconds": seconds, **{k: float(np.mean([t[k] for t in turns])) for k in turns[0]}}
     if isinstance(brdf, AutoBrdf):
         row["estimate"] = brdf.energy_error_estimate / row["energy_mean"]
         wi, wo, f = held_out
         row["inside"] = float((np.abs(brdf.eval(wi, wo) - f) <= brdf.std(wi, wo)).mean())
     return row
+
+
+class Turned:
+    """A BRDF whose sample lies turned by phi, radians."""
+
+    def __init__(self, brdf: Brdf, phi: float):
+        c, s = np.cos(phi), np.sin(phi)
+        self.brdf, self.turn, self.channels = brdf, np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]]), brdf.channels
+        self.sample, self.pdf = brdf.sample, brdf.pdf
+
+    def eval(self, wi: Array, wo: Array) -> Array:
+        return self.brdf.eval(wi @ self.turn, wo @ self.turn)
 
 
 def _line(row: dict) -> str:
