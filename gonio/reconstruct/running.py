@@ -133,7 +133,7 @@ def fit(samples: Samples, *, anisotropic: bool = False) -> RunningBrdf:
     width = peak_width(p)
     error = EnergyError(p.angles, p.g, p.sigma, frame.stretch(width), test)
     tried = {}
-    for t0 in (width / 2, 2 * width):
+    for t0 in (width, 4 * width):
         stretch = frame.stretch(t0)
         tried[stretch] = error(p.ratio.inverse(left_out(stretch(p.angles), p.y, p.variance, test), p.b[test]))
     best = min(tried, key=lambda k: tried[k])

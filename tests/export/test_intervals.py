@@ -65,7 +65,7 @@ def test_the_command_writes_them(tmp_path):
     assert gonio("acquire", "analytic_gloss", *args).returncode == 0
     assert "std_0" not in table(folder)[0]  # before there is a BRDF: the readings alone
     assert gonio("reconstruct", folder).returncode == 0
-    rows = table(folder)
+    rows = [r for r in table(folder) if r["f_1"]]  # without the steps that measured nothing
     inside = [float(r["low95_1"]) <= float(r["f_1"]) <= float(r["high95_1"]) for r in rows]
     assert len(rows) == 60 and np.mean(inside) > 0.8
     assert gonio("reconstruct", folder, "--model", "ggx").returncode == 0

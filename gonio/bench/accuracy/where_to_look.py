@@ -2,10 +2,10 @@
 
     gonio bench where_to_look
 
-Every way chooses N directions for every material; they are measured by the rig, noise and travel included, and
-reconstructed alike. `unknown` and `energy` are the targets of `sampler.target.kind`; `list` is a scrambled Sobol
-sequence in (theta_h = pi/2 u^2, theta_d, phi_d), toured as a whole. At equal rig seconds the list has as many
-measurements as fit into the time that `unknown` took.
+Every way chooses N directions for every material; they are measured by the rig, noise and travel included (neither
+with `--set rig=ideal`), and reconstructed alike. `unknown` and `energy` are the targets of `sampler.target.kind`; `list`
+is a scrambled Sobol sequence in (theta_h = pi/2 u^2, theta_d, phi_d), toured as a whole. At equal rig seconds the list
+has as many measurements as fit into the time that `unknown` took.
 """
 
 import json
@@ -78,7 +78,8 @@ def _compare(truth: Brdf, rig: RigConfig, n: int, seed: int) -> list[tuple[float
         found.append(_judged(asked(material, truth, rig), truth, rig))
     wi, wo = sobol_list(4 * n, seed, reachable)
     listed = _judged([(wi[:n], wo[:n], None)], truth, rig)
-    count = int(n * found[0][1] / listed[1])  # as many as fit into the time of `unknown`
+    # as many as fit into the time of `unknown`; an ideal rig takes none
+    count = int(n * found[0][1] / listed[1]) if listed[1] > 0 else n
     return [*found, listed, _judged([(wi[:count], wo[:count], None)], truth, rig)]
 
 

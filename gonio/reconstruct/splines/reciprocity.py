@@ -8,13 +8,13 @@ reciprocity by 2 to 40 % and are better off without; networks and analytic model
 import numpy as np
 
 from gonio.geometry import Array
-from gonio.reconstruct.splines.few import FEW
+from gonio.reconstruct.splines.few import FEW, said_by_others
 from gonio.reconstruct.splines.held_out import EnergyError
 from gonio.reconstruct.splines.patches import left_out
 
 TESTED = 600
 LOWEST = 0.05
-GAIN, GAIN_OF_FEW = 0.97, 1.15  # twice as many samples outweigh what is broken, while they are few
+GAIN = 0.97
 
 
 def mirrored(p, stretch) -> tuple[Array, Array, Array, Array]:
@@ -30,6 +30,8 @@ def mirrored(p, stretch) -> tuple[Array, Array, Array, Array]:
 def holds(p, stretch, rng: np.random.Generator) -> tuple[bool, float]:
     """Whether to use the images, and the energy error with them over that without."""
     n = len(p.samples)
+    if n <= FEW:
+        return _holds_of_few(p, stretch, rng)
     test = rng.permutation(n)[: min(TESTED, n // 4)]
     x = stretch(p.angles)
     more_x, more_y, more_variance, who = mirrored(p, stretch)
@@ -44,4 +46,17 @@ def holds(p, stretch, rng: np.random.Generator) -> tuple[bool, float]:
         test,
     )
     ratio = error(p.ratio.inverse(both, p.b[test])) / max(alone, 1e-12)
-    return ratio < (GAIN_OF_FEW if n <= FEW else GAIN), ratio
+    return ratio < GAIN, ratio
+
+
+def _holds_of_few(p, stretch, rng: np.random.Generator) -> tuple[bool, float]:
+    """The same of few samples: all of them are held out, a tenth at a time, with their images."""
+    every = np.arange(len(p.samples))
+    error = EnergyError(p.angles, p.g, p.sigma, stretch, every)
+    seed = int(rng.integers(2**63))
+    alone, both = (
+        error(p.ratio.inverse(said_by_others(p, stretch, np.random.default_rng(seed), images)[0], p.b))
+        for images in (None, mirrored)
+    )
+    ratio = both / max(alone, 1e-12)
+    return ratio < 1, ratio
