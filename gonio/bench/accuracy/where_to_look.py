@@ -2,8 +2,8 @@
 
     gonio bench where_to_look
 
-Every way chooses N directions for every material; they are measured by the rig, noise and travel included (neither
-with `--set rig=ideal`), and reconstructed alike. `unknown` and `energy` are the targets of `sampler.target.kind`; `list`
+Every way chooses N directions for every material; the rig measures them, with noise and travel (without by
+`--set rig=ideal`), and they are reconstructed alike. `unknown`, `energy`: targets of `sampler.target.kind`; `list`
 is a scrambled Sobol sequence in (theta_h = pi/2 u^2, theta_d, phi_d), toured as a whole. At equal rig seconds the list
 has as many measurements as fit into the time that `unknown` took.
 """
