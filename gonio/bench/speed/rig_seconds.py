@@ -87,7 +87,8 @@ def drive(
     good = np.isfinite(parts["f"]).all(1)
     spent = float(sum(v.rig_s.sum() for v in seen))
     poses = np.array([raw["pose_rad"] for v in seen for raw in v.raw if raw])
-    return spent, planned(rig_config, poses), Samples.of(**{k: a[good] for k, a in parts.items()})
+    plan_s = planned(rig_config, poses) if len(poses) else 0.0  # an ideal rig has no poses
+    return spent, plan_s, Samples.of(**{k: a[good] for k, a in parts.items()})
 
 
 def planned(rig: RigConfig, poses: Array) -> float:
