@@ -2,7 +2,7 @@
 
 import numpy as np
 
-STAGE, PHOTODIODE, CAMERA = range(3)  # streams: no two devices share one
+STAGE, PHOTODIODE, CAMERA, WORLD = range(4)  # streams: no two devices share one
 
 
 def generator(seed: int, stream: int, number: int, *place: int) -> np.random.Generator:

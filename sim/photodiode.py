@@ -16,6 +16,7 @@ from gonio.rig.devices import Reading
 from gonio.rig.errors import DeviceFault
 from gonio.rig.signal.averaging import readings_needed, sigma_of
 from sim.noise import PHOTODIODE, generator
+from sim.world import TrueRig
 
 
 class SimPhotodiode:
@@ -31,7 +32,9 @@ class SimPhotodiode:
         *,
         silent: float = 0.0,
         spike: float = 0.0,
+        true: TrueRig | None = None,
     ):
+        self.true = true
         self.config, self.scene, self.clock, self.exposure, self.seed = config, scene, clock, exposure, seed
         self.silent, self.spike = silent, spike
         self.full_scale = config.full_scale * config.range_factor ** np.arange(config.ranges)
@@ -62,7 +65,8 @@ class SimPhotodiode:
         self.clock.sleep(seconds)
         if self.silent and rng.random() < self.silent:
             raise DeviceFault("photodiode", "no reply", "check its cable and supply")
-        signal = light + c.dark * scale + np.sqrt(np.maximum(light, 0)) * c.shot_noise * z[0]
+        dark = self._dark() * scale
+        signal = light + dark + np.sqrt(np.maximum(light, 0)) * c.shot_noise * z[0]
         if self.spike and rng.random() < self.spike:
             signal = signal * 10
         ranges = self._fitting(signal)
@@ -70,7 +74,7 @@ class SimPhotodiode:
             self.clock.sleep(seconds)  # the first reading after a change is thrown away
         self._range = ranges
         full, lsb = self.full_scale[ranges], self.lsb[ranges]
-        counts = total = self._counts(signal, full, lsb, z[1])
+        counts = total = self._counts(signal, ranges, z[1])
         n = 1
         while True:
             value = total / n * lsb
@@ -80,8 +84,8 @@ class SimPhotodiode:
                 break
             z = rng.standard_normal((2, len(light)))
             self.clock.sleep(seconds)
-            signal = light + c.dark * scale + np.sqrt(np.maximum(light, 0)) * c.shot_noise * z[0]
-            counts = self._counts(signal, full, lsb, z[1])
+            signal = light + dark + np.sqrt(np.maximum(light, 0)) * c.shot_noise * z[0]
+            counts = self._counts(signal, ranges, z[1])
             n, total = n + 1, total + counts
         raw = {
             "counts": total.astype(int).tolist(),
@@ -92,9 +96,15 @@ class SimPhotodiode:
         }
         return Reading(value, sigma_of(variance, steps, n), saturated, raw)
 
-    def _counts(self, signal: Array, full: Array, lsb: Array, z: Array) -> Array:
-        """What the converter makes of a signal."""
+    def _dark(self) -> float:
         c = self.config
+        return c.dark + (0.0 if self.true is None else self.true.dark(c.dark, self.clock.now()))
+
+    def _counts(self, signal: Array, ranges, z: Array) -> Array:
+        """What the converter makes of a signal on its ranges."""
+        c, full, lsb = self.config, self.full_scale[ranges], self.lsb[ranges]
+        if self.true is not None:
+            signal = self.true.converted(signal, ranges, full)
         shown = signal * (1 + c.nonlinearity * signal / full) + c.read_noise * z
         return np.clip(np.rint(shown / lsb), 0, 2**c.bits - 1)
 

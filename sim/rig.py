@@ -17,6 +17,7 @@ from sim.lit_patch import frames_of
 from sim.photodiode import SimPhotodiode
 from sim.sample import Sample
 from sim.stage import SimStage
+from sim.world import TrueRig
 
 # a camera's driver is the same for real and simulated sensors: it is put on top of the frames by whoever knows both
 OverFrames = Callable[[SimFrames, Callable[[], Array]], Detector]
@@ -31,19 +32,26 @@ def open_sim(
     """
     geometry, radiometry = geometry_calibration(config), radiometry_of(config, sample.channels)
     clock, envelope = VirtualClock(), envelope_of(config, geometry)
+    true = None if config.world is None else TrueRig(config, sample.channels)
     backlash = np.radians([config.axes[name].backlash_deg for name in config.axis_names])
+    if true is not None:
+        backlash = true.backlash
     faults = config.faults
     stage = SimStage(envelope.axes, backlash, envelope.snap(park_pose(config)), faults, clock, seed)
     stage.home()
     light = SimLight(config.light, clock)
 
     def scene() -> Array:
-        power = light.power()
+        power, share = light.power(), 1.0
         if power == 0:
             return np.zeros(sample.channels)
-        wi, wo = envelope.kinematics.forward(stage.true_pose())
+        if true is None:
+            wi, wo = envelope.kinematics.forward(stage.true_pose())
+        else:
+            wi, wo, share = true.seen(stage.true_pose())
         cosine = wi[2] if config.footprint == "overfilled" else wo[2]
-        return np.pi * power * max(cosine, 0.0) * sample.eval(wi[None], wo[None])[0]
+        shown = np.pi * power * share * max(cosine, 0.0) * sample.eval(wi[None], wo[None])[0]
+        return shown if true is None else true.signal(shown, clock.now(), power > 0)
 
     detector: Detector
     if config.detector == "camera":
@@ -51,7 +59,14 @@ def open_sim(
         detector, draw = over_frames(sensor, stage.pose), sensor.announce
     else:
         photodiode = SimPhotodiode(
-            config.photodiode, scene, clock, config.exposure_s, seed, silent=faults.silent_detector, spike=faults.spike
+            config.photodiode,
+            scene,
+            clock,
+            config.exposure_s,
+            seed,
+            silent=faults.silent_detector,
+            spike=faults.spike,
+            true=true,
         )
         detector, draw = photodiode, photodiode.announce
 

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from gonio.config.detectors import CameraConfig, Footprint, PhotodiodeConfig
 from gonio.config.loader import Section
+from gonio.config.world import World
 
 Degrees = Annotated[float, Field(ge=-3600, le=3600)]
 Vector = tuple[float, float, float]
@@ -183,6 +184,7 @@ class RigConfig(Section):
     faults: FaultsConfig = FaultsConfig()
     devices: DevicesConfig = DevicesConfig()
     calibration: CalibrationFiles = CalibrationFiles()
+    world: World | None = Field(None, description="simulated rigs only: what is wrong with it and nobody is told")
 
     @property
     def axis_names(self) -> tuple[str, ...]:
@@ -236,6 +238,8 @@ class RigConfig(Section):
                 raise ValueError(f"devices: a real rig needs a stage and the {self.detector} that `detector` names")
             if self.faults != FaultsConfig():
                 raise ValueError("faults: a real rig has its own; leave this section out")
+        if self.world is not None:
+            self._check_world(self.world)
         if self.detector == "camera" and self.depth == "ideal":
             raise ValueError("detector: a rig of depth ideal has none; leave it out, or take depth devices")
         if self.detector == "camera" and self.faults.spike > 0:
@@ -245,3 +249,19 @@ class RigConfig(Section):
         if self.devices.stage is not None and set(self.devices.stage.ids) != set(names):
             raise ValueError(f"devices.stage.ids: one servo for each of {', '.join(names)}")
         return self
+
+    def _check_world(self, world: World) -> None:
+        if self.depth not in ("devices", "wire"):
+            raise ValueError(f"world: a rig of depth {self.depth} cannot have one; leave this section out")
+        if self.detector == "camera":
+            raise ValueError("world: rigs with a photodiode only; leave this section out")
+        for key, names in (
+            *((k, self.axis_names) for k in ("offsets_deg", "tilts_deg", "backlash_deg", "eccentricity_deg")),
+            *((k, ("light", "detector")) for k in ("axes_miss_mm", "beam_deg")),
+        ):
+            for name in getattr(world, key) or {}:
+                if name not in names:
+                    raise ValueError(f"world.{key}.{name}: no such part; they are {', '.join(names)}")
+        ratios = world.range_ratios
+        if ratios is not None and len(ratios) != self.photodiode.ranges - 1:
+            raise ValueError(f"world.range_ratios: {self.photodiode.ranges - 1} wanted, one a range above the lowest")

@@ -13,6 +13,7 @@ from gonio.geometry import Array
 from gonio.rig.clock import ScaledClock
 from sim.noise import PHOTODIODE, generator
 from sim.wire.text import TextDevice
+from sim.world import TrueRig
 
 
 class WirePhotodiode(TextDevice):
@@ -26,7 +27,9 @@ class WirePhotodiode(TextDevice):
         exposure: float,
         seed: int,
         clock: ScaledClock,
+        true: TrueRig | None = None,
     ):
+        self.true = true
         super().__init__(
             {
                 "*IDN?": lambda _: f"gonio,photodiode,0,1,{channels}",
@@ -80,8 +83,11 @@ class WirePhotodiode(TextDevice):
         else:
             self._rng = self._rng or generator(self.seed, PHOTODIODE, self._number)
             z = self._rng.standard_normal((2, len(light)))
-        signal = light + c.dark * scale + np.sqrt(np.maximum(light, 0)) * c.shot_noise * z[0]
+        dark = c.dark + (0.0 if self.true is None else self.true.dark(c.dark, self.clock.now()))
+        signal = light + dark * scale + np.sqrt(np.maximum(light, 0)) * c.shot_noise * z[0]
         full, lsb = self.full_scale[self.ranges], self.lsb[self.ranges]
+        if self.true is not None:
+            signal = self.true.converted(signal, self.ranges, full)
         shown = signal * (1 + c.nonlinearity * signal / full) + c.read_noise * z[1]
         counts = np.clip(np.rint(shown / lsb), 0, 2**c.bits - 1)
         self.counter += 1

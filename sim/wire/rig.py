@@ -16,6 +16,7 @@ from sim.wire.line import Device, Line, Server
 from sim.wire.photodiode import WirePhotodiode
 from sim.wire.servo import COUNT_DEG, Servo
 from sim.wire.servo_bus import ServoBus
+from sim.world import TrueRig
 
 
 class Emulators:
@@ -27,9 +28,13 @@ class Emulators:
         ids = given.ids if given else {name: k for k, name in enumerate(config.axis_names, 1)}
         envelope = envelope_of(config, geometry_calibration(config))
         rest = np.degrees(envelope.snap(park_pose(config)))
+        true = None if config.world is None else TrueRig(config, sample.channels)
+        backlash = [config.axes[name].backlash_deg for name in config.axis_names]
+        if true is not None:
+            backlash = np.degrees(true.backlash).tolist()
         self.servos = {
-            ids[name]: Servo(ids[name], self.clock, 2048 + at / COUNT_DEG, backlash_deg=config.axes[name].backlash_deg)
-            for name, at in zip(config.axis_names, rest.tolist())
+            ids[name]: Servo(ids[name], self.clock, 2048 + at / COUNT_DEG, backlash_deg=play)
+            for name, at, play in zip(config.axis_names, rest.tolist(), backlash)
         }
         for servo in self.servos.values():
             servo.troubles.droop = round(config.faults.droop_deg / COUNT_DEG)
@@ -37,19 +42,27 @@ class Emulators:
         lamp = SimLight(config.light, self.clock)
 
         def shown(*pose_deg: float) -> Array:
-            wi, wo = envelope.kinematics.forward(np.radians(pose_deg))
+            share = 1.0
+            if true is None:
+                wi, wo = envelope.kinematics.forward(np.radians(pose_deg))
+            else:
+                wi, wo, share = true.seen(np.radians(pose_deg))
             cosine = wi[2] if config.photodiode.footprint == "overfilled" else wo[2]
-            return np.pi * max(cosine, 0.0) * sample.eval(wi[None], wo[None])[0]
+            return np.pi * share * max(cosine, 0.0) * sample.eval(wi[None], wo[None])[0]
 
+        began = self.clock.now()
         shown = lru_cache(2)(shown)  # several readings are made of one pose: ranges tried, darks
 
         def scene() -> Array:
             power = self.light.power()
             if power == 0:
                 return np.zeros(sample.channels)
-            return power * shown(*[self.servos[k].true_angle_deg() for k in order])
+            light = power * shown(*[self.servos[k].true_angle_deg() for k in order])
+            return light if true is None else true.signal(light, self.clock.now() - began, power > 0)
 
-        self.photodiode = WirePhotodiode(config.photodiode, scene, sample.channels, config.exposure_s, seed, self.clock)
+        self.photodiode = WirePhotodiode(
+            config.photodiode, scene, sample.channels, config.exposure_s, seed, self.clock, true
+        )
         self.bus, self.light = ServoBus(self.servos), WireLight(lamp)
         self._folder = Folder()
         self.folder = self._folder.path

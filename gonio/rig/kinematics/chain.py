@@ -63,6 +63,11 @@ class Chain:
         return wi.reshape(*pose.shape[:-1], 3), wo.reshape(*pose.shape[:-1], 3)
 
     @property
+    def axes(self) -> dict[str, Array]:
+        """The axis of each joint by its name, (3,) in the frame of the joint before."""
+        return {self.names[c]: axis for c, axis in (*self._light, *self._detector, *self._sample)}
+
+    @property
     def detector_rest(self) -> Array:
         """Where the detector is with every joint at 0, (3,) in the lab."""
         return np.asarray(self._rest[1])
