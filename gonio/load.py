@@ -48,10 +48,13 @@ def load_brdf(path: str | os.PathLike) -> Brdf:
             return _load_saved(text)
         case ".yaml":
             from gonio.brdf.models.fitted import FittedBrdf, read_yaml
-            from gonio.brdf.surfaces import read_surface
 
             d = read_yaml(text)
-            return read_surface(text, d) if "surface" in d else FittedBrdf.read(text, d)
+            if "surface" not in d:
+                return FittedBrdf.read(text, d)
+            from gonio.brdf.surfaces import read_surface
+
+            return read_surface(text, d)
     raise BrdfFileError(f"{text}: not a BRDF; wanted a run folder, .npz, .bsdf, .binary, .yaml or FILE.npz:NAME")
 
 

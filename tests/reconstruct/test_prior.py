@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gonio.bench.accuracy.prior import Config, random_material, run
-from gonio.bench.drive import drive
+from gonio.bench.drive import drive, truth_of
 from gonio.brdf.models.lambert import Lambert
 from gonio.brdf.models.microfacet import Ggx
 from gonio.brdf.models.mixture import Mixture
@@ -133,3 +133,15 @@ def test_the_study_makes_one(tmp_path):
     a = angles(30, 1)
     table, s = made.table_of(a, a.cos_o[:, None] * 0.3, np.zeros((30, 1)))
     assert table.shape == (64 * 32 * 10, 1) and np.isfinite(table).all() and s[0] > 0
+
+
+def test_nothing_grows_towards_the_horizon():
+    """The table's cells reach across it, where cosines are divided by: f was 9.0 in place of 0.37 at 89.9 degrees."""
+    truth = truth_of("analytic_gloss")
+    d = drive(truth, {"proposal": "auto"}, 24)
+    brdf = reconstruct(Samples.of(d.wi[:24], d.wo[:24], d.f[:24]))
+    steep = np.radians([88.0, 89, 89.5, 89.9])
+    wi = np.stack([np.sin(steep), 0 * steep, np.cos(steep)], 1)
+    for wo in (wi @ np.diag([-1, 1, 1.0]), wi[:, [1, 0, 2]], np.tile([0.6, 0, 0.8], (4, 1))):
+        for a, b in ((wi, wo), (wo, wi)):
+            assert (brdf.eval(a, b) < 8 * truth.eval(a, b)).all()

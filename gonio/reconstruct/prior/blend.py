@@ -19,6 +19,7 @@ from gonio.reconstruct.tables.lookup import Lookup
 WORTH = 25
 LEAST = 0.05  # odds up to which the lobes stand alone
 FOLDS = 5
+LOWEST = 0.01  # cosine below which the table is not trusted
 
 
 class Blend:
@@ -31,7 +32,9 @@ class Blend:
 
     def __call__(self, a: Angles) -> Array:
         """(N, C)."""
-        prior = np.maximum(np.exp(self._prior(chart(a))) - EPS * self.s, 0) / a.cos_i[:, None]
+        # between nodes above and below the horizon the table does not fall as the cosines do: there it has less say
+        fades = np.minimum(a.cos_o / LOWEST, 1) / np.maximum(a.cos_i, LOWEST)
+        prior = np.maximum(np.exp(self._prior(chart(a))) - EPS * self.s, 0) * fades[:, None]
         lobes = np.log(self.lobes(a) + self.floor)
         return np.exp(lobes + self.weight * (np.log(prior + self.floor) - lobes)) - self.floor
 
