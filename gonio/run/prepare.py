@@ -3,6 +3,7 @@
 `gonio check` and `gonio acquire` go through the same door, so that a plan that cannot start is no plan.
 """
 
+import os
 import secrets
 import time
 from dataclasses import dataclass
@@ -39,8 +40,8 @@ class Prepared:
 def prepare(material: Material, rig: RigConfig, out: Path | None = None) -> Prepared:
     """Everything for a run in `out` (None: runs/<material>/<UTC stamp>-<short id>); nothing is made.
 
-    Raises StoreError, ConfigError, BrdfFileError, FlowError, CalibrationMissing, NoSupport: whatever would keep a run
-    from starting, but for the devices themselves.
+    Raises StoreError, ConfigError, BrdfFileError, FlowError, PriorError, CalibrationMissing, NoSupport: whatever would
+    keep a run from starting, but for the devices themselves.
     """
     folder = out or Path("runs") / material.name / new_name()
     refuse_folder(folder)
@@ -53,6 +54,10 @@ def prepare(material: Material, rig: RigConfig, out: Path | None = None) -> Prep
         from gonio.flow import shipped
 
         shipped.load_conditional(material.sampler.flow.weights)
+    if os.environ.get("GONIO_PRIOR"):
+        from gonio.reconstruct import prior
+
+        prior.shipped()
     envelope = envelope_of(rig, geometry_calibration(rig))
     if rig.depth != "ideal":
         radiometry_of(rig, len(material.channels))

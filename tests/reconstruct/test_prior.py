@@ -8,6 +8,9 @@ from gonio.bench.drive import drive, truth_of
 from gonio.brdf.models.lambert import Lambert
 from gonio.brdf.models.microfacet import Ggx
 from gonio.brdf.models.mixture import Mixture
+from gonio.config import Material, load_config
+from gonio.config.find import find_config
+from gonio.config.rig import RigConfig
 from gonio.evaluate import evaluate
 from gonio.geometry import to_half_diff
 from gonio.load import load_brdf, save_brdf
@@ -16,6 +19,9 @@ from gonio.reconstruct.prior import PriorError, blend, shipped
 from gonio.reconstruct.prior.materials import EPS, NODES, Materials, chart, nodes
 from gonio.reconstruct.splines.robust_base import Angles
 from gonio.reconstruct.tables.lookup import Lookup
+from gonio.run.prepare import prepare
+
+IDEAL = load_config(find_config("ideal", "rigs"), RigConfig)
 
 
 def angles(n, seed):
@@ -118,6 +124,8 @@ def test_a_file_that_is_none_is_named(tmp_path, monkeypatch):
         monkeypatch.setenv("GONIO_PRIOR", str(tmp_path / name))
         with pytest.raises(PriorError, match=rf"{name}: .*gonio bench prior"):
             shipped()
+        with pytest.raises(PriorError):  # before anything is measured
+            prepare(Material.model_validate({"name": "x", "truth": "analytic_gloss"}), IDEAL, tmp_path / "run")
 
 
 def test_the_study_makes_one(tmp_path):
