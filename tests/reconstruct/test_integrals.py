@@ -52,7 +52,7 @@ def exact():
 
 @pytest.fixture(autouse=True)
 def a_quick_control(monkeypatch):
-    monkeypatch.setattr(integrals, "CONTROL", 2**12)
+    monkeypatch.setattr(integrals, "CONTROL", 2**13)  # of fewer, four scrambles do not tell the error of their mean
 
 
 def deviations(runs, exact, change=lambda d: d):
