@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
+FOLDER_PART = ".gonio.part"  # no other program's: what is swept is ours
 ABANDONED_S = 86400.0  # a part this old is of a process that was killed
 
 
@@ -47,8 +48,8 @@ def folder_beside(path: str | os.PathLike) -> Iterator[Path]:
     Raises OSError, also where there is something else at `path` by then.
     """
     path = Path(path)
-    _sweep(path.parent, ".*.part")
-    part = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part"))
+    _sweep(path.parent, f".*{FOLDER_PART}")
+    part = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}.", suffix=FOLDER_PART))
     try:
         yield part
         os.chmod(part, 0o777 & ~_umask())

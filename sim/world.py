@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gonio.config import ConfigError
 from gonio.config.rig import RigConfig
 from gonio.config.world import World
 from gonio.geometry import Array, unit
@@ -51,8 +52,10 @@ class Hidden:
 
     @classmethod
     def of(cls, world: World, config: RigConfig, channels: int) -> "Hidden":
-        """What the YAML says; what it leaves open is drawn by its seed, and 0 without one."""
+        """What the YAML says; what it leaves open is drawn by its seed, and 0 without one. Raises ConfigError."""
         names, ranges = config.axis_names, config.photodiode.ranges
+        if world.gain is not None and len(world.gain) not in (1, channels):
+            raise ConfigError(f"world.gain: {len(world.gain)} factors for {channels} channels; give one, or one each")
         rng = None if world.seed is None else generator(world.seed, WORLD, 0)
 
         def one(said, width: float, *shape: int, low: float = -1.0) -> Array:

@@ -271,6 +271,9 @@ def test_a_run_killed_while_its_folder_is_made_leaves_the_name_free(tmp_path):
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
     (left,) = tmp_path.iterdir()
     assert left.name.startswith(".run.")
+    strange = tmp_path / ".download.part"  # another program's
+    strange.write_text("half")
     os.utime(left, (0, 0))
+    os.utime(strange, (0, 0))
     Store.create(tmp_path / "run", "name: x", {}).close()
-    assert [p.name for p in tmp_path.iterdir()] == ["run"]
+    assert {p.name for p in tmp_path.iterdir()} == {"run", strange.name}

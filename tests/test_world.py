@@ -166,3 +166,8 @@ def test_the_rig_that_ships_is_wrong_and_runs_alike_twice():
         found.append(np.concatenate([v.f for v in rig.visit(wi, wi[::-1] * [-1, 1, 1], np.arange(2))]))
         rig.close()
     assert np.array_equal(*found)
+
+
+def test_gains_for_other_channels_are_named():
+    with pytest.raises(ConfigError, match=r"world.gain: 2 factors for 3 channels"):
+        open_rig(with_world(gain=(1.0, 1.1)), Lambert([0.3, 0.2, 0.1]), 1, isotropic=True)

@@ -55,18 +55,9 @@ def truth_of(spec: str) -> Brdf:
     return gonio.load_brdf(find(spec).path)
 
 
-def drive(
-    brdf: Brdf,
-    sampler: dict | str,
-    measurements: int,
-    *,
-    chains: int = 1,
-    seed: int = 1,
-    steps: int | None = None,
-    symmetry: str = "isotropic",
-) -> Driven:
-    """Run a sampler section against `brdf` until so many measurements (or steps) are made."""
-    return driven_by(brdf, sampler, measurements, chains=chains, seed=seed, steps=steps, symmetry=symmetry)[0]
+def drive(brdf: Brdf, sampler: dict | str, measurements: int, **how) -> Driven:
+    """As `driven_by`, whose keywords it takes, without the sampler."""
+    return driven_by(brdf, sampler, measurements, **how)[0]
 
 
 def driven_by(
@@ -79,7 +70,7 @@ def driven_by(
     steps: int | None = None,
     symmetry: str = "isotropic",
 ) -> tuple[Driven, Sampler]:
-    """As `drive`, and the sampler as it was left."""
+    """Run a sampler section against `brdf` until so many measurements (or steps) are made; and the sampler, as left."""
     section = sampler if isinstance(sampler, str) else {**sampler, "chains": chains}
     material = Material.model_validate(
         {"name": "study", "channels": brdf.channels, "seed": seed, "symmetry": symmetry, "sampler": section}

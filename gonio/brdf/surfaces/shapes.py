@@ -64,7 +64,8 @@ def _noise(rng: np.random.Generator, lengths: tuple[float, float]) -> Array:
 
 def _gradient(h: Array) -> tuple[Array, Array]:
     """dh/dx, dh/dy by central differences around the period."""
-    return tuple(0.5 * (np.roll(h, -1, axis) - np.roll(h, 1, axis)) for axis in (0, 1))  # type: ignore[return-value]
+    dx, dy = (0.5 * (np.roll(h, -1, axis) - np.roll(h, 1, axis)) for axis in (0, 1))
+    return dx, dy
 
 
 def normals(h: Array) -> Array:
