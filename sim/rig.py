@@ -7,7 +7,7 @@ import numpy as np
 from gonio.config.plan import PlanConfig
 from gonio.config.rig import RigConfig
 from gonio.geometry import Array
-from gonio.rig.build import calibration_ids, envelope_of, geometry_calibration, park_pose, radiometry_of
+from gonio.rig.build import backlash_of, calibration_ids, envelope_of, geometry_calibration, park_pose, radiometry_of
 from gonio.rig.clock import VirtualClock
 from gonio.rig.devices import Detector
 from gonio.rig.staged import StagedRig
@@ -33,9 +33,7 @@ def open_sim(
     geometry, radiometry = geometry_calibration(config), radiometry_of(config, sample.channels)
     clock, envelope = VirtualClock(), envelope_of(config, geometry)
     true = None if config.world is None else TrueRig(config, sample.channels)
-    backlash = np.radians([config.axes[name].backlash_deg for name in config.axis_names])
-    if true is not None:
-        backlash = true.backlash
+    backlash = backlash_of(config, geometry) if true is None else true.backlash
     faults = config.faults
     stage = SimStage(envelope.axes, backlash, envelope.snap(park_pose(config)), faults, clock, seed)
     stage.home()

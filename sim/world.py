@@ -1,12 +1,13 @@
 """A rig as it really is: the hidden errors of `world`, in directions and in signal. No other room may know them.
 
 Geometry: the joint stands where the encoder says, less offset and eccentricity e1 sin(q + a) + e2 sin(2 q + b); axes
-are tilted; arms turn about a centre beside the sample, which lies tilted and too high, so that directions are those of
-points at `arm_mm`. Signal: beams that look beside the sample lose light; light and detector polarised to a degree p,
+are tilted; arms turn about centres that lie, in the lab, beside the sample's axes; the sample lies tilted and too high:
+directions are those of points at `arm_mm`. Signal: beams that look beside the sample lose light; light and detector polarised to a degree p,
 each across its arm, change the signal by 1 + p^2 cos 2 psi, psi the angle between the two; the lamp drifts, and stray
 light comes with it; the dark signal follows the room; ranges differ, and the amplifier is not linear.
 """
 
+import datetime as dt
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from gonio.config import ConfigError
 from gonio.config.rig import RigConfig
 from gonio.config.world import World
 from gonio.geometry import Array, unit
-from gonio.rig.build import chain_of, offset_of
+from gonio.rig.build import backlash_of, chain_of, kinematics_of
 from gonio.rig.calibration import GeometryCalibration
 from sim.noise import WORLD, generator
 
@@ -96,21 +97,32 @@ class TrueRig:
         if config.world is None:
             raise ValueError(f"rig {config.name}: has no world")
         self.hidden = h = Hidden.of(config.world, config, channels)
-        names, nominal = config.axis_names, chain_of(config).axes
-        tilted = {n: tuple(tilted_axis(nominal[n], tilt).tolist()) for n, tilt in zip(names, h.tilts)}
-        self._chain = chain_of(config, GeometryCalibration(id="-", date="2000-01-01T00:00:00Z", rig="-", axes=tilted))
-        self._offset = offset_of(config, None) + h.offsets
-        self.backlash = np.radians([config.axes[n].backlash_deg for n in names]) + h.backlash
-        self._lie = turn(np.array([*h.lie, 0.0]))
+        self._kinematics = kinematics_of(config, self.geometry(config))
+        self.backlash = backlash_of(config, self.geometry(config))
         self._through = float(np.exp(-np.sum(h.beams**2) / (2 * h.beam_width**2)))
+
+    def geometry(self, config: RigConfig) -> GeometryCalibration:
+        """What a perfect calibration would find."""
+        h, names = self.hidden, config.axis_names
+        nominal = chain_of(config).axes
+        waves = np.degrees(h.eccentric[..., None] * np.stack([np.cos(h.phases), np.sin(h.phases)], -1))
+        return GeometryCalibration(
+            id="-",
+            date=dt.datetime(2000, 1, 1, tzinfo=dt.UTC),
+            rig=config.name,
+            offsets_deg=dict(zip(names, np.degrees(h.offsets).tolist())),
+            axes={n: tuple(tilted_axis(nominal[n], tilt).tolist()) for n, tilt in zip(names, h.tilts) if tilt.any()},
+            eccentricity_deg={n: tuple(w.ravel().tolist()) for n, w in zip(names, waves) if w.any()},
+            backlash_deg=dict(zip(names, np.degrees(h.backlash).tolist())),
+            centres={arm: tuple(miss.tolist()) for arm, miss in zip(ARMS, h.misses) if miss.any()},
+            height=h.height,
+            lie_deg=tuple(np.degrees(h.lie).tolist()),
+        )
 
     def seen(self, pose: Array) -> tuple[Array, Array, float]:
         """wi, wo (3,) in the sample's own frame, and the share of light that comes through, at the angles (A,) in
         radians that encoders without backlash would show."""
-        q = pose - self._offset
-        q = q - (self.hidden.eccentric * np.sin(q[:, None] * [1, 2] + self.hidden.phases)).sum(1)
-        up = np.array([0, 0, self.hidden.height])
-        wi, wo = (unit(w + miss - up) @ self._lie for w, miss in zip(self._chain.forward(q), self.hidden.misses))
+        wi, wo = self._kinematics.forward(pose)
         return wi, wo, self._through * self._polarised(wi, wo)
 
     def signal(self, light: Array, now: float, lit: bool) -> Array:

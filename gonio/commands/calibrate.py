@@ -1,6 +1,6 @@
 """calibrate camera, geometry, radiometry: each writes a dated file that the rig's YAML then names."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Calibrate camera, geometry or radiometry of a rig.", no_args_is_help=True)
 Out = Annotated[Path, typer.Option(help="folder of calibrations")]
 FOLDER = Path("calibrations")
+Yes = Annotated[bool, typer.Option("--yes", help="everything is in place: ask nothing")]
 
 
 @app.command()
@@ -99,14 +100,30 @@ def camera(
 
 @app.command()
 def geometry(
-    observations: Annotated[Path, typer.Argument(help="CSV: kind, <axis>_deg of every axis, x, y, z")],
+    observations: Annotated[
+        Path | None, typer.Argument(help="CSV of what was seen: kind, <axis>_deg of every axis, x, y, z")
+    ] = None,
     rig: RigOption = "sim",
     out: Out = FOLDER,
+    mirror: Annotated[bool, typer.Option("--mirror", help="the rig looks by itself at a mirror in its middle")] = False,
+    wedge: Annotated[
+        float, typer.Option(min=0, max=30, help="then at the mirror on a wedge of so many degrees; 0: not")
+    ] = 15.0,
+    yes: Yes = False,
+    force: Annotated[bool, typer.Option("--force", help="save a fit that does not explain what was seen")] = False,
 ) -> None:
-    """Offsets and tilts of the axes from mirrors and directions seen."""
-    from calibration.geometry import calibrate_geometry
-    from calibration.observations import read_observations
+    """Zeros, tilts, eccentricity, backlash and centres of the axes: by a mirror, or from a table of what was seen."""
+    from calibration.geometry import calibrate_geometry, read_observations
+    from gonio.commands.calibrating import geometry_by_mirror
+    from gonio.config import ConfigError
 
+    if mirror == (observations is not None):
+        raise ConfigError("calibrate geometry: give a CSV of what was seen, or --mirror, and not both")
+    if mirror:
+        with _owner(rig) as owner:
+            typer.echo(geometry_by_mirror(owner, out, wedge, _ask(owner, yes), force=force).text)
+        return
+    assert observations is not None
     config = rig_config(rig)
     found = calibrate_geometry(read_observations(observations, config), config, simulated=config.depth != "real")
     _save(found, out, f"observations agree to {found.residual_deg:.3f} degrees")
@@ -155,6 +172,15 @@ def _frames(rig: str, out: Path, flat: bool) -> None:
     if found.flat is not None:
         text += f", flat from {found.flat.min():.2f} to {found.flat.max():.2f}"
     typer.echo(f"frames  {text}\nfile  {path}: name it in the rig's YAML as calibration.frames")
+
+
+def _ask(owner: "RigOwner", yes: bool) -> Callable[[str], None]:
+    """Tells the operator what to put in the sample's place, and waits; on a simulated rig it lies there at once."""
+    if yes or owner.config.depth != "real":
+        return lambda what: typer.echo(f"put   {what}")
+    return lambda what: typer.prompt(
+        f"put   {what}; then press Enter", default="", show_default=False, prompt_suffix=" "
+    )
 
 
 @contextmanager

@@ -1,5 +1,6 @@
 """From a rig's config and its calibration to axes, kinematics, envelope and radiometry."""
 
+import datetime as dt
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -13,9 +14,9 @@ from gonio.rig.devices import Axis
 from gonio.rig.errors import CalibrationMissing
 from gonio.rig.kinematics.base import Kinematics
 from gonio.rig.kinematics.chain import Chain, Joint
+from gonio.rig.kinematics.encoders import Encoders
 from gonio.rig.kinematics.gantry import Gantry
 from gonio.rig.kinematics.gimbal import Gimbal
-from gonio.rig.kinematics.offsets import Offsets
 from gonio.rig.motion.envelope import Envelope
 from gonio.rig.signal.frames import Frames, load_frames
 from gonio.rig.signal.radiometry import Radiometry, nominal
@@ -35,14 +36,19 @@ def axes_of(config: RigConfig) -> tuple[Axis, ...]:
 
 
 def kinematics_of(config: RigConfig, calibration: GeometryCalibration | None = None) -> Kinematics:
-    """The rig's geometry: closed form unless its axes are tilted, in the encoders' angles."""
+    """The rig's geometry: closed form unless it is not as drawn, in the encoders' angles."""
     joints: Kinematics
-    if isinstance(config.kinematics, config_of.Chain) or (calibration and calibration.axes):
+    if isinstance(config.kinematics, config_of.Chain) or (calibration is not None and _bent(calibration)):
         joints = chain_of(config, calibration)
     else:
         joints = Gantry() if isinstance(config.kinematics, config_of.Gantry) else Gimbal()
-    offset = offset_of(config, calibration)
-    return Offsets(joints, offset) if offset.any() else joints
+    offset, eccentric = offset_of(config, calibration), eccentricity_of(config, calibration)
+    return Encoders(joints, offset, eccentric) if offset.any() or eccentric.any() else joints
+
+
+def _bent(c: GeometryCalibration) -> bool:
+    """Whether more than the encoders is not as drawn."""
+    return bool(c.axes) or bool(c.centres) or c.height != 0 or any(c.lie_deg)
 
 
 def offset_of(config: RigConfig, calibration: GeometryCalibration | None) -> Array:
@@ -51,35 +57,60 @@ def offset_of(config: RigConfig, calibration: GeometryCalibration | None) -> Arr
     return np.radians([config.axes[name].offset_deg + found.get(name, 0.0) for name in config.axis_names])
 
 
+def eccentricity_of(config: RigConfig, calibration: GeometryCalibration | None) -> Array:
+    """Of each encoder: sine and cosine of one turn, of two (A, 4), rad."""
+    found = calibration.eccentricity_deg if calibration else {}
+    return np.radians([found.get(name, (0.0, 0.0, 0.0, 0.0)) for name in config.axis_names])
+
+
+def backlash_of(config: RigConfig, calibration: GeometryCalibration | None) -> Array:
+    """How far each arm may lag behind its encoder (A,), rad."""
+    found = calibration.backlash_deg if calibration else {}
+    known = [config.axes[name].backlash_deg + max(found.get(name, 0.0), 0.0) for name in config.axis_names]
+    return np.asarray(np.radians(known))
+
+
 def chain_of(config: RigConfig, calibration: GeometryCalibration | None = None) -> Chain:
     """Any rig as a chain of joints, in the joints' angles."""
     c = config.kinematics
-    tilts: Mapping[str, Sequence[float]] = calibration.axes if calibration else {}
+    bent = calibration or GeometryCalibration(id="-", date=dt.datetime(2000, 1, 1), rig=config.name)
     if isinstance(c, config_of.Gantry):
-        return gantry_chain(tilts)
+        return gantry_chain(bent.axes, bent)
     if isinstance(c, config_of.Gimbal):
-        return gimbal_chain(tilts)
+        return gimbal_chain(bent.axes, bent)
     nearest: Kinematics = Gantry() if c.nearest == "gantry" else Gimbal()
     light, detector, sample = (
-        [Joint(j.name, np.array(tilts.get(j.name, j.axis))) for j in part] for part in (c.light, c.detector, c.sample)
+        [Joint(j.name, np.array(bent.axes.get(j.name, j.axis))) for j in part]
+        for part in (c.light, c.detector, c.sample)
     )
     frame = _frame(np.array(c.normal_rest), np.array(c.mark_rest))
     rests = np.array(c.light_rest), np.array(c.detector_rest)
-    return Chain(light, detector, sample, nearest, *rests, frame, config.axis_names)
+    return _chain(light, detector, sample, nearest, *rests, frame, config.axis_names, bent)
 
 
-def gantry_chain(axes: Mapping[str, Sequence[float]]) -> Chain:
+def gantry_chain(axes: Mapping[str, Sequence[float]], bent: GeometryCalibration | None = None) -> Chain:
     """The gantry as a chain of joints, with `axes` instead of the nominal ones."""
     joint = lambda name, nominal: Joint(name, np.array(axes.get(name, nominal), float))
     detector = [joint("azimuth", Z), joint("detector", Y)]
-    return Chain([joint("light", Y)], detector, [joint("turntable", Z)], Gantry(), Z, Z, np.eye(3), Gantry.names)
+    table = [joint("turntable", Z)]
+    return _chain([joint("light", Y)], detector, table, Gantry(), Z, Z, np.eye(3), Gantry.names, bent)
 
 
-def gimbal_chain(axes: Mapping[str, Sequence[float]]) -> Chain:
+def gimbal_chain(axes: Mapping[str, Sequence[float]], bent: GeometryCalibration | None = None) -> Chain:
     """The gimbal and swing-arm rig as a chain of joints, with `axes` instead of the nominal ones."""
     joint = lambda name, nominal: Joint(name, np.array(axes.get(name, nominal), float))
     sample = [joint("yaw", Z), joint("tilt", -Y), joint("roll", X)]
-    return Chain([], [joint("detector", Z)], sample, Gimbal(), X, X, np.stack([Y, Z, X], 1), Gimbal.names)
+    frame = np.stack([Y, Z, X], 1)
+    return _chain([], [joint("detector", Z)], sample, Gimbal(), X, X, frame, Gimbal.names, bent)
+
+
+def _chain(light, detector, sample, nearest, l0, d0, frame, names, bent: GeometryCalibration | None) -> Chain:
+    """A chain whose arms' centres and sample lie as a calibration says."""
+    if bent is None:
+        return Chain(light, detector, sample, nearest, l0, d0, frame, names)
+    centres = np.array([bent.centres.get(arm, (0.0, 0.0, 0.0)) for arm in ("light", "detector")])
+    lying = frame @ rotation_of(np.radians([*bent.lie_deg, 0.0]))
+    return Chain(light, detector, sample, nearest, l0, d0, lying, names, centres, bent.height)
 
 
 def envelope_of(config: RigConfig, calibration: GeometryCalibration | None = None) -> Envelope:

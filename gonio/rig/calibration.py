@@ -24,13 +24,29 @@ class Dated(Section):
 
 
 class GeometryCalibration(Dated):
-    """Encoder angle at each joint's zero (degrees), and axes (3,) of joints that are not as nominal."""
+    """How a rig differs from its drawing; what is not given is as drawn.
+
+    offsets_deg: encoder angle at each joint's zero. axes: (3,) of joints that are not as nominal. eccentricity_deg: of an
+    encoder, sine and cosine of one turn and of two (`kinematics/encoders.py`). backlash_deg: beyond the axis's own.
+    centres: how far the centres of the `light`'s and the `detector`'s arm lie beside the sample's axes, in the lab, and
+    height: of the sample above them, in arm lengths. lie_deg: rotation vector about x and y from the drawn normal to the
+    sample's. parameters, covariance: all of this as fitted, in radians and arm lengths, for `gonio budget`.
+    """
 
     kind: Literal["geometry"] = "geometry"
     offsets_deg: dict[str, float] = Field(default_factory=dict)
     offsets_sigma_deg: dict[str, float] = Field(default_factory=dict)
     axes: dict[str, Triple] = Field(default_factory=dict)
+    eccentricity_deg: dict[str, tuple[float, float, float, float]] = Field(default_factory=dict)
+    backlash_deg: dict[str, float] = Field(default_factory=dict)
+    centres: dict[Literal["light", "detector"], Triple] = Field(default_factory=dict)
+    height: float = 0.0
+    lie_deg: tuple[float, float] = (0.0, 0.0)
     residual_deg: float = 0.0
+    held_out_deg: float | None = None
+    directions_sigma_deg: float | None = None
+    parameters: dict[str, float] = Field(default_factory=dict)
+    covariance: tuple[tuple[float, ...], ...] = ()
 
 
 class RadiometryCalibration(Dated):

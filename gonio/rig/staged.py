@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from gonio.config.plan import PlanConfig
 from gonio.config.rig import RigConfig
 from gonio.geometry import Array
-from gonio.rig.build import park_pose
+from gonio.rig.build import backlash_of, geometry_calibration, park_pose
 from gonio.rig.clock import Clock, VirtualClock
 from gonio.rig.devices import Detector, Light, Stage, Visited
 from gonio.rig.errors import RigError, SafetyStop
@@ -70,7 +70,7 @@ class StagedRig:
         self.radiometry, self.clock, self.simulated = radiometry, clock, simulated
         self.announce, self._release = announce, release
         self.planner = Planner(envelope, plan, isotropic)
-        backlash = np.radians([config.axes[name].backlash_deg for name in config.axis_names])
+        backlash = backlash_of(config, geometry_calibration(config))
         self.approach = Approach(envelope, backlash, plan.one_sided, self.planner.free)
         self.levels = Levels(detector, light, radiometry, config.exposure_s, plan, announce)
         every = plan.look_every if plan.look_every is not None else LOOK_EVERY * (config.depth in ("real", "wire"))
@@ -79,8 +79,8 @@ class StagedRig:
         self._rest = envelope.snap(park_pose(config))
         self._measured_at: Array | None = None  # where the arms were at the last measurement, if that is known
         self._stop = threading.Event()
-        driver = Driver(config.name, stage, envelope, self.approach, self.planner, self._stop)
-        self._go, self._seconds = driver.go, driver.seconds
+        self.driver = Driver(config.name, stage, envelope, self.approach, self.planner, self._stop)
+        self._go, self._seconds = self.driver.go, self.driver.seconds
         # a virtual clock has one thread only, and nothing to gain from a second
         overlap = plan.overlap and not isinstance(clock, VirtualClock)
         self._ahead = ThreadPoolExecutor(1, "stage") if overlap else None

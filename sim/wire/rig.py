@@ -6,7 +6,7 @@ import numpy as np
 
 from gonio.config.rig import DevicesConfig, InstrumentPortConfig, RigConfig, ServoBusConfig
 from gonio.geometry import Array
-from gonio.rig.build import envelope_of, geometry_calibration, park_pose
+from gonio.rig.build import backlash_of, envelope_of, geometry_calibration, park_pose
 from gonio.rig.clock import ScaledClock
 from sim.light import SimLight
 from sim.sample import Sample
@@ -29,9 +29,8 @@ class Emulators:
         envelope = envelope_of(config, geometry_calibration(config))
         rest = np.degrees(envelope.snap(park_pose(config)))
         true = None if config.world is None else TrueRig(config, sample.channels)
-        backlash = [config.axes[name].backlash_deg for name in config.axis_names]
-        if true is not None:
-            backlash = np.degrees(true.backlash).tolist()
+        lag = backlash_of(config, geometry_calibration(config)) if true is None else true.backlash
+        backlash = np.degrees(lag).tolist()
         self.servos = {
             ids[name]: Servo(ids[name], self.clock, 2048 + at / COUNT_DEG, backlash_deg=play)
             for name, at, play in zip(config.axis_names, rest.tolist(), backlash)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from calibration.geometry import Observation, calibrate_geometry
-from calibration.observations import read_observations
+from calibration.geometry import Observation, calibrate_geometry, read_observations
 from gonio.brdf.models.lambert import Lambert
 from gonio.cli import app
 from gonio.config import load_config
@@ -15,7 +14,7 @@ from gonio.config.rig import CalibrationFiles, RigConfig
 from gonio.geometry import half_vector, unit
 from gonio.rig.build import gantry_chain, kinematics_of
 from gonio.rig.errors import CalibrationMissing
-from gonio.rig.kinematics.offsets import Offsets
+from gonio.rig.kinematics.encoders import Encoders
 from gonio.run.open_rig import open_rig
 from tests.conftest import ROOT
 
@@ -23,7 +22,7 @@ SIM = load_config(ROOT / "configs/rigs/sim.yaml", RigConfig)
 OFFSET = np.radians([1.2, -2.0, 0.7, 1.5])
 AXES = {"light": (0.006, 1, -0.008), "azimuth": (0.007, -0.004, 1), "detector": (-0.005, 1, 0.006)}
 AXES["turntable"] = (0, 0.004, 1)
-TRUE = Offsets(gantry_chain(AXES), OFFSET)
+TRUE = Encoders(gantry_chain(AXES), OFFSET)
 NORMAL = unit(np.array([0.01, -0.006, 1.0]))
 SIGMA = np.radians(0.02)
 

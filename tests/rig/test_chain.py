@@ -8,9 +8,9 @@ from gonio.config.loader import parse_config
 from gonio.config.rig import RigConfig
 from gonio.geometry import from_angles
 from gonio.rig.build import envelope_of, gantry_chain, gimbal_chain, kinematics_of
+from gonio.rig.kinematics.encoders import Encoders
 from gonio.rig.kinematics.gantry import Gantry
 from gonio.rig.kinematics.gimbal import Gimbal
-from gonio.rig.kinematics.offsets import Offsets
 from tests.conftest import ROOT
 
 NEAR = np.array([0.1, 0.2, 0.3, 0.4])
@@ -101,7 +101,7 @@ def test_isotropic_poses_of_a_tilted_rig_show_the_same():
 
 
 def test_offsets_are_taken_off():
-    rig = Offsets(Gantry(), np.radians([1.0, -2, 3, 170]))
+    rig = Encoders(Gantry(), np.radians([1.0, -2, 3, 170]))
     wi, wo = pairs(1000)
     poses = rig.inverse(wi, wo, NEAR)
     assert worst(rig, poses, wi, wo) < 1e-12 and np.abs(poses).max() <= np.pi + 1e-12

@@ -1,42 +1,16 @@
 """Spherical Gaussian (von Mises-Fisher) steps, thesis 3.1: each direction is drawn about where it was.
 
-Density kappa / (4 pi sinh kappa) exp(kappa mu.w) (3.1), symmetric in (mu, w). The cosine about mu is drawn by the
-inverse of its cumulative in the form of Jakob (2012), which neither overflows at large kappa nor cancels at small:
-1 - cos t = -log(1 - xi (1 - exp(-2 kappa))) / kappa. Proposals below the horizon have weight 0: rejected, not folded.
+The density is (3.1), `brdf/models/spherical.py`, symmetric. Proposals below the horizon have weight 0: rejected, not
+folded.
 """
 
 import numpy as np
 
+from gonio.brdf.models.spherical import sample_vmf
 from gonio.geometry import Array, from_angles, from_half_diff, half_diff_jacobian, to_half_diff
 from gonio.mcmc.proposals import GLOBAL
 
 PI = np.pi
-
-
-def log_vmf(cos_t: Array, kappa: float) -> Array:
-    """log of (3.1) at the cosine cos_t about the mean direction, solid angle; stable for kappa in 1e-3 ... 1e6."""
-    return np.log(kappa / (2 * PI)) - np.log(-np.expm1(-2 * kappa)) + kappa * (np.asarray(cos_t) - 1)
-
-
-def log_vmf_between(mu: Array, w: Array, kappa: float) -> Array:
-    """log of (3.1) from two unit vectors, by |mu - w|^2 = 2 (1 - cos t): exact where the two nearly agree."""
-    return np.log(kappa / (2 * PI)) - np.log(-np.expm1(-2 * kappa)) - 0.5 * kappa * np.sum((mu - w) ** 2, -1)
-
-
-def sample_vmf(mu: Array, kappa: float, u1: Array, u2: Array) -> Array:
-    """Directions (N, 3) about unit vectors mu (N, 3)."""
-    v = np.minimum(-np.log1p(u1 * np.expm1(-2 * kappa)) / kappa, 2.0)  # 1 - cos t
-    sin_t = np.sqrt(v * (2 - v))
-    phi = 2 * PI * u2
-    # orthonormal basis of Duff et al. (2017), no branch but the sign of z
-    x, y, z = mu.T
-    sign = np.copysign(1.0, z)
-    a = -1 / (sign + z)
-    b = x * y * a
-    s = np.stack([1 + sign * x * x * a, sign * b, -sign * x], -1)
-    t = np.stack([b, sign + y * y * a, -y], -1)
-    w = (sin_t * np.cos(phi))[:, None] * s + (sin_t * np.sin(phi))[:, None] * t + (1 - v)[:, None] * mu
-    return w / np.linalg.norm(w, axis=1, keepdims=True)
 
 
 class Vmf:

@@ -1,9 +1,10 @@
-"""Any rig of revolute joints whose axes meet at the sample: forward by products of rotations, inverse by iteration.
+"""Any rig of revolute joints: forward by products of rotations, inverse by iteration.
 
-    wi = S^T L l0,   wo = S^T D d0
+    wi = unit(S^T (L l0 + cl) - h z),   wo = unit(S^T (D d0 + cd) - h z)
 
 with S, L, D the rotations of the sample, the light and the detector, each a product of turns about axes fixed in the
-frame of the joint before (Rodrigues). The inverse starts from the closed form most like the rig and refines it by
+frame of the joint before (Rodrigues); cl, cd how far the centres about which the arms turn lie beside the sample's
+axes, h the sample's height above them along its normal z, all in arm lengths: 0 where all axes meet in the sample. The inverse starts from the closed form most like the rig and refines it by
 damped least squares (Levenberg 1944), where the damping fades with the residual; it is how a calibrated rig, whose axes
 are a little tilted, is driven.
 """
@@ -32,6 +33,7 @@ class Chain:
     """Joints from the base outwards for each part; `names` is the order of a pose.
 
     light_rest, detector_rest (3,) and frame (3, 3), the sample's x, y, z axes as columns: in the lab, all joints at 0.
+    centres (2, 3), of the light's arm and of the detector's, in the lab, and height: see above.
     """
 
     def __init__(
@@ -44,6 +46,8 @@ class Chain:
         detector_rest: Array,
         frame: Array,
         names: tuple[str, ...],
+        centres: Array | None = None,
+        height: float = 0.0,
     ):
         self.names = names
         column = {name: k for k, name in enumerate(names)}
@@ -55,6 +59,7 @@ class Chain:
         self._from_nearest = [(column[n], k) for k, n in enumerate(nearest.names) if n in column]
         self._rest = unit(light_rest), unit(detector_rest)
         self._frame = frame
+        self._centres, self._height = np.zeros((2, 3)) if centres is None else np.asarray(centres, float), height
 
     def forward(self, pose: Array) -> tuple[Array, Array]:
         pose = np.asarray(pose, float)
@@ -128,15 +133,23 @@ class Chain:
         sample, sample_axes = _rotation(self._sample, q)
         frame = sample @ self._frame
         into = lambda v: np.einsum("nij,ni->nj", frame, v)
-        wi, wo = into(light), into(seen)
+        up = np.array([0, 0, self._height])
+        to_light, to_detector = into(light + self._centres[0]) - up, into(seen + self._centres[1]) - up
+        wi, wo = unit(to_light), unit(to_detector)
         if not jacobian:
             return wi, wo, None
         j = np.zeros((len(q), 6, q.shape[1]))
-        for rows, v, axes in ((slice(0, 3), light, light_axes), (slice(3, 6), seen, seen_axes)):
+        for rows, arm, centre, axes, far, w in (
+            (slice(0, 3), light, self._centres[0], light_axes, to_light, wi),
+            (slice(3, 6), seen, self._centres[1], seen_axes, to_detector, wo),
+        ):
             for k, axis in axes:
-                j[:, rows, k] += into(np.cross(axis, v))
+                j[:, rows, k] += into(np.cross(axis, arm))
             for k, axis in sample_axes:
-                j[:, rows, k] -= into(np.cross(axis, v))
+                j[:, rows, k] -= into(np.cross(axis, arm + centre))
+            part = j[:, rows]  # of what changes, only what lies across w turns it
+            part -= w[:, :, None] * np.einsum("ni,nik->nk", w, part)[:, None]
+            part /= np.linalg.norm(far, axis=1)[:, None, None]
         return wi, wo, j
 
 
