@@ -7,8 +7,10 @@ from matplotlib.figure import Figure
 
 from calibration.geometry.fit import Fit
 from calibration.geometry.observations import Observation
+from calibration.radiometry.session import Session
 from gonio.atomic import beside
 from gonio.geometry import Array
+from gonio.rig.calibration import RadiometryCalibration
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -67,3 +69,54 @@ def _sigmas(axis, fit: Fit) -> None:
     axis.set_yticks(order, q.names, fontsize=5)
     axis.set_xlabel("σ [deg; 1/57 arm]")
     axis.legend(fontsize=8, loc="upper right")
+
+
+def radiometry(session: Session, found: RadiometryCalibration) -> Figure:
+    """Photon transfer, what the curve leaves over the decades, the lamp's drift, the gain by angle."""
+    figure = Figure(figsize=(13, 7), layout="constrained")
+    (first, second), (third, fourth) = figure.subplots(2, 2)
+    _transfer(first, session, found)
+    _linearity(second, session)
+    steady = session.steady
+    third.plot(steady.times / 60, 100 * (steady.signals - 1), ".", ms=3)
+    third.plot(steady.times / 60, 100 * steady.drift * steady.times, color="k", lw=1)
+    third.set(xlabel="minutes", ylabel="lamp [%]")
+    third.set_title(f"{found.drift_per_h:+.2%} an hour", loc="left", fontsize=10)
+    gains = np.array([g for _, g, _, _ in session.angles]) / np.array(found.gain)
+    sigmas = np.array([s for _, _, s, _ in session.angles]) / np.array(found.gain)
+    for c in range(gains.shape[1]):
+        fourth.errorbar(
+            np.arange(len(gains)) + 0.1 * c, 100 * (gains[:, c] - 1), 200 * sigmas[:, c], fmt="o", capsize=3
+        )
+    fourth.set(xlabel="angle of the certificate", ylabel="gain beside its mean [%], two σ")
+    return figure
+
+
+def _transfer(axis, session: Session, found: RadiometryCalibration) -> None:
+    for p in session.points:
+        if p.n >= 8:
+            light = p.value - session.dark[0] - session.dark[1] * p.seconds
+            axis.plot(light, p.scatter**2, ".", color="C0")
+    line = np.geomspace(1e-5, 1e3, 100)
+    assert found.shot_noise is not None and found.read_noise is not None
+    axis.plot(line, found.read_noise**2 + found.shot_noise**2 * line, color="k", lw=1)
+    axis.set(xscale="log", yscale="log", xlabel="light", ylabel="variance of a reading")
+    axis.set_title("photon transfer", loc="left", fontsize=10)
+
+
+def _linearity(axis, session: Session) -> None:
+    value = np.array([p.value for p in session.points])
+    noise = np.array([p.sigma for p in session.points]) / np.maximum(np.abs(value), 1e-300)
+    levels = np.array([p.level for p in session.points])
+    for level in np.unique(levels):
+        which = levels == level
+        axis.errorbar(
+            value[which].ravel(),
+            100 * session.curve.off[which].ravel(),
+            200 * noise[which].ravel(),
+            fmt=".",
+            label=f"lamp {level}",
+        )
+    axis.set(xscale="log", xlabel="signal", ylabel="off the curve [%], two σ", ylim=(-2, 2))
+    axis.set_title("linearity", loc="left", fontsize=10)
+    axis.legend(fontsize=8)

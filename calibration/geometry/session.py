@@ -60,7 +60,9 @@ class Session:
                 picks = best(self.fit, at, self._usual, goal, 1 if found == 0 else BATCH)
                 found += self._visit(looking, at, picks, mirror, found)
             if found < FEWEST:
-                raise CalibrationMissing(f"geometry: of mirror {mirror} only {found} peaks lie within reach; widen the axes' limits")
+                raise CalibrationMissing(
+                    f"geometry: of mirror {mirror} only {found} peaks lie within reach; widen the axes' limits"
+                )
             at = self._candidates(rig, mirror, rng)
             plain = np.flatnonzero(~at.down.any(1))[:HELD_OUT]
             self._visit(looking, at, plain, mirror, found, self.held_out)

@@ -10,11 +10,21 @@ import typer
 from gonio.commands.rig import RigOption, rig_config
 
 if TYPE_CHECKING:
+    from gonio.config.rig import RigConfig
     from gonio.daemon.rig_owner import RigOwner
 
 app = typer.Typer(help="Calibrate camera, geometry or radiometry of a rig.", no_args_is_help=True)
 Out = Annotated[Path, typer.Option(help="folder of calibrations")]
 FOLDER = Path("calibrations")
+F = Annotated[
+    list[float] | None, typer.Option(help="the reference's BRDF, 1/sr, from its certificate; once per channel")
+]
+Table = Annotated[
+    Path | None, typer.Option(help="its f by angles, as CSV: theta_i_deg, theta_o_deg, phi_deg, f or f1, f2, ...")
+]
+U = Annotated[float, typer.Option("--u", min=0, max=50, help="its standard uncertainty (k = 1), percent")]
+ThetaI = Annotated[float, typer.Option(min=0, max=84, help="with --f: degrees, of the certificate")]
+ThetaO = Annotated[float, typer.Option(min=0, max=84, help="with --f: degrees, opposite the light")]
 Yes = Annotated[bool, typer.Option("--yes", help="everything is in place: ask nothing")]
 
 
@@ -131,24 +141,73 @@ def geometry(
 
 @app.command()
 def radiometry(
-    f: Annotated[list[float], typer.Option(help="the reference's BRDF, 1/sr, from its certificate; once per channel")],
-    theta_i: Annotated[float, typer.Option(min=0, max=84, help="degrees, of the certificate")] = 45.0,
-    theta_o: Annotated[float, typer.Option(min=0, max=84, help="degrees, opposite the light")] = 0.0,
+    f: F = None,
+    table: Table = None,
+    u: U = 0.5,
+    theta_i: ThetaI = 45.0,
+    theta_o: ThetaO = 0.0,
     rig: RigOption = "sim",
     out: Out = FOLDER,
+    trap: Annotated[bool, typer.Option("--trap/--no-trap", help="then look at a black trap for stray light")] = True,
+    stability: Annotated[float, typer.Option(min=0, max=600, help="minutes to watch the lamp's drift")] = 5.0,
+    yes: Yes = False,
 ) -> None:
-    """Gain, dark and linearity of the detector from a white reference in the sample's place."""
-    import numpy as np
-
-    from calibration.radiometry import measure_reference
-    from gonio.brdf.models.lambert import Lambert
+    """What the detector makes of light: dark, noise, linearity, ranges, drift, gain by a white reference, stray."""
+    from gonio.commands.calibrating import certificate_of, radiometry_by_reference
 
     with _owner(rig) as owner:
-        # what lies on a simulated rig is the reference itself
-        reference = None if owner.config.depth == "real" else Lambert(np.pi * np.array(f))
-        found = measure_reference(owner.as_is(reference, calibrated=False), theta_i, theta_o, np.array(f))
-    gains = ", ".join(f"{g:.4g} ± {s:.1g}" for g, s in zip(found.gain, found.gain_sigma))
-    _save(found, out, f"gain {gains}, linearity {found.linearity:+.2%}")
+        known = certificate_of(f, table, u, theta_i, theta_o)
+        typer.echo(radiometry_by_reference(owner, out, known, _ask(owner, yes), trap=trap, minutes=stability).text)
+
+
+@app.command()
+def verify(
+    f: F = None,
+    table: Table = None,
+    u: U = 0.5,
+    theta_i: ThetaI = 45.0,
+    theta_o: ThetaO = 0.0,
+    rig: RigOption = "sim",
+    after: Annotated[float, typer.Option(min=0, max=1440, help="minutes until all is repeated; 0: not")] = 60.0,
+    yes: Yes = False,
+) -> None:
+    """Whether the rig as calibrated can be believed: reciprocity, isotropy, energy, a known sample, a repeat."""
+    from gonio.commands.calibrating import certificate_of, verified
+
+    with _owner(rig) as owner:
+        known = certificate_of(f, table, u, theta_i, theta_o)
+        text, good = verified(owner, known, _ask(owner, yes), after)
+        typer.echo(text)
+    if not good:
+        raise typer.Exit(1)
+
+
+@app.command("all")
+def all_(
+    f: F = None,
+    table: Table = None,
+    u: U = 0.5,
+    theta_i: ThetaI = 45.0,
+    theta_o: ThetaO = 0.0,
+    rig: RigOption = "sim",
+    out: Out = FOLDER,
+    wedge: Annotated[float, typer.Option(min=0, max=30, help="degrees of the wedge under the mirror; 0: none")] = 15.0,
+    stability: Annotated[float, typer.Option(min=0, max=600, help="minutes to watch the lamp's drift")] = 5.0,
+    after: Annotated[float, typer.Option(min=0, max=1440, help="minutes until verify repeats; 0: not")] = 0.0,
+    again: Annotated[bool, typer.Option("--again", help="begin anew; else what was done goes on")] = False,
+    yes: Yes = False,
+) -> None:
+    """Geometry, radiometry, verify; after Ctrl-C or a fault the same command goes on. Writes a rig file to use."""
+    from gonio.commands.calibrating import certificate_of, everything
+
+    config = rig_config(rig)
+    known = certificate_of(f, table, u, theta_i, theta_o)
+    with _held(config):
+        good = everything(
+            config, out, known, lambda owner: _ask(owner, yes), wedge=wedge, minutes=stability, after=after, again=again
+        )
+    if not good:
+        raise typer.Exit(1)
 
 
 def _take(rig: str, picture: Path, poses: Path) -> None:
@@ -186,18 +245,26 @@ def _ask(owner: "RigOwner", yes: bool) -> Callable[[str], None]:
 @contextmanager
 def _owner(rig: str) -> Iterator["RigOwner"]:
     """The rig's devices for this command alone. Raises ConfigError, SocketsError where somebody else drives them."""
-    from gonio.config import ConfigError
-    from gonio.daemon.client import find
     from gonio.daemon.rig_owner import RigOwner
-    from gonio.daemon.sockets import hold_hardware
 
     config = rig_config(rig)
+    with _held(config), RigOwner(config) as owner:
+        yield owner
+
+
+@contextmanager
+def _held(config: "RigConfig") -> Iterator[None]:
+    """Nobody else may drive the rig meanwhile. Raises ConfigError, SocketsError."""
+    from gonio.config import ConfigError
+    from gonio.daemon.client import find
+    from gonio.daemon.sockets import hold_hardware
+
     if config.depth == "ideal":
         raise ConfigError(f"rig {config.name} is ideal and has no detector to calibrate")
     if find(config.name) is not None:
         raise ConfigError(f"rig {config.name}: a daemon drives it; end the daemon, calibrate, start it again")
-    with hold_hardware(config), RigOwner(config) as owner:
-        yield owner
+    with hold_hardware(config):
+        yield
 
 
 def _save(found, folder: Path, text: str) -> None:

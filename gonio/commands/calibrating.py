@@ -11,6 +11,8 @@ import typer
 
 if TYPE_CHECKING:
     from calibration.geometry.session import Session
+    from calibration.radiometry.certificate import Certificate
+    from gonio.config.rig import RigConfig
     from gonio.daemon.rig_owner import RigOwner
 
 Ask = Callable[[str], object]  # what the operator has to put into the sample's place
@@ -33,10 +35,10 @@ def geometry_by_mirror(owner: "RigOwner", folder: Path, wedge_deg: float, ask: A
     from gonio.rig.calibration import save_calibration
     from gonio.rig.errors import CalibrationMissing
 
-    config, live = owner.config, sys.stderr.isatty()
+    config = owner.config
     a = np.radians(wedge_deg)
     wedges = (np.array([np.sin(a), 0.0, np.cos(a)]),) if wedge_deg else ()
-    session = Session(config, wedges, lambda text: typer.echo(f"\r{text}", nl=False, err=True) if live else None)
+    session = Session(config, wedges, _saying())
     lie = ["the flat mirror, lying as samples lie"]
     lie += [f"the mirror on a wedge of {wedge_deg:g} degrees, its normal towards the sample's x"] * bool(wedge_deg)
     try:
@@ -66,6 +68,153 @@ def geometry_by_mirror(owner: "RigOwner", folder: Path, wedge_deg: float, ask: A
         f"file  {path}: name it in the rig's YAML as calibration.geometry",
     ]
     return Saved(path, "\n".join(lines))
+
+
+def certificate_of(
+    f: list[float] | None, table: Path | None, u_percent: float, theta_i: float, theta_o: float
+) -> "Certificate":
+    """What was said of the reference. Raises ConfigError, CalibrationMissing."""
+    from calibration.radiometry.certificate import Certificate, read_certificate
+    from gonio.config import ConfigError
+
+    if bool(f) == (table is not None):
+        raise ConfigError("give the reference's f: --f once a channel, or --table CSV, and not both")
+    if table is not None:
+        return read_certificate(table, u_percent / 100)
+    if not all(0 < v < 1.5 for v in f or ()):
+        raise ConfigError(f"--f {min(f or ()):g}: must lie between 0 and 1.5 1/sr; a white reference has about 0.31")
+    return Certificate.of_one(theta_i, theta_o, np.array(f), u_percent / 100)
+
+
+def radiometry_by_reference(
+    owner: "RigOwner", folder: Path, known: "Certificate", ask: Ask, *, trap: bool, minutes: float
+) -> Saved:
+    """Radiometry from a reference, and a trap. Raises CalibrationMissing, SafetyStop, DeviceFault."""
+    from calibration import pictures
+    from calibration.radiometry.reference import calibrate_at
+    from calibration.radiometry.session import Session
+    from gonio.rig.calibration import save_calibration
+
+    ask("the white reference")
+    if owner.config.detector == "camera":  # it has no ranges, and its frames have darks of their own
+        rig = owner.as_is(_reference(owner, known), calibrated=False)
+        found = calibrate_at(rig, known.wi[:1], known.wo[:1], known.f[0])
+        path = save_calibration(found, folder)
+    else:
+        session = Session(known, _saying(), 60 * minutes)
+        rig = owner.as_is(_reference(owner, known), calibrated=False)
+        session.measure_white(rig)
+        if trap:
+            ask("a black trap, or nothing at all over a dark hole")
+            rig = owner.as_is(_black(owner, rig.channels), calibrated=False)
+            session.measure_trap(rig)
+        found = session.result(rig)
+        path = save_calibration(found, folder)
+        pictures.save(pictures.radiometry(session, found), path.with_suffix(".png"))
+    gains = ", ".join(f"{g:.4g} ± {s:.1g}" for g, s in zip(found.gain, found.gain_sigma))
+    lines = [f"radiometry  gain {gains}, linearity {found.linearity:+.2%}"]
+    if found.range_ratios:
+        ratios = ", ".join(f"{r:.4f}" for r in found.range_ratios[1:])
+        lines += [
+            f"ranges  {ratios} of the lowest; {found.curve_rms:.2%} are left over four decades",
+            f"lamp    {found.drift_per_h:+.2%} ± {found.drift_per_h_sigma:.2%} an hour, warm after {found.warm_up_s:.0f} s",
+            f"noise   shot {found.shot_noise:.2g}, read {found.read_noise:.2g}{_noise_differs(owner, found)}",
+        ]
+    if found.stray:
+        worst = max(s / g * np.pi for s, g in zip(found.stray, found.gain))
+        lines.append(f"stray   {worst:.1e} of a white diffuser")
+    lines.append(f"file  {path}: name it in the rig's YAML as calibration.radiometry")
+    return Saved(path, "\n".join(lines))
+
+
+def verified(owner: "RigOwner", known: "Certificate | None", ask: Ask, minutes: float) -> tuple[str, bool]:
+    """The verdict and a line for each check; whether all that were made hold."""
+    from calibration.verify import verdict, verify
+
+    ask("the white reference, or another matt sample that is known")
+    reference = None if known is None else _reference(owner, known)
+    rig = owner.as_is(reference)
+    wait = (lambda: rig.clock.sleep(60 * minutes)) if minutes else None
+    checks = verify(rig, known, wait, _saying())
+    text = "\n".join([f"verdict  {verdict(checks)}", *(c.text for c in checks)])
+    return text, all(c.passed is not False for c in checks)
+
+
+def everything(
+    config: "RigConfig",
+    folder: Path,
+    known: "Certificate",
+    ask_of: "Callable[[RigOwner], Ask]",
+    *,
+    wedge: float,
+    minutes: float,
+    after: float,
+    again: bool,
+) -> bool:
+    """Geometry, radiometry, verify, each with what was found before; whether verify holds. Goes on where it was left."""
+    from gonio.commands.calibrated import Calibrated
+    from gonio.daemon.rig_owner import RigOwner
+
+    state = Calibrated(config, folder, again=again)
+    if "geometry" not in state.done:
+        with RigOwner(state.config) as owner:
+            saved = geometry_by_mirror(owner, folder, wedge, ask_of(owner))
+        typer.echo(saved.text)
+        state.add("geometry", saved.path)
+    else:
+        typer.echo(f"geometry  done: {state.done['geometry']}")
+    if "radiometry" not in state.done:
+        with RigOwner(state.config) as owner:
+            saved = radiometry_by_reference(owner, folder, known, ask_of(owner), trap=True, minutes=minutes)
+        typer.echo(saved.text)
+        state.add("radiometry", saved.path)
+    else:
+        typer.echo(f"radiometry  done: {state.done['radiometry']}")
+    with RigOwner(state.config) as owner:
+        text, good = verified(owner, known, ask_of(owner), after)
+    typer.echo(text)
+    typer.echo(f"rig   {state.path}: give it as --rig")
+    return good
+
+
+def _saying() -> Callable[[str], None]:
+    """One line that is overwritten, where somebody looks."""
+    live = sys.stderr.isatty()
+    return lambda text: typer.echo(f"\r\x1b[K{text}", nl=False, err=True) if live else None
+
+
+def _noise_differs(owner: "RigOwner", found) -> str:
+    """A hint where the rig's YAML says otherwise than photon transfer."""
+    said = owner.config.photodiode
+    for key, seen in (("shot_noise", found.shot_noise), ("read_noise", found.read_noise)):
+        value = getattr(said, key)
+        if not 0.7 * value <= seen <= 1.4 * value + 1e-12:
+            return f"; the rig's YAML says photodiode.{key} {value:.2g}: correct it, sigmas follow from it"
+    return ""
+
+
+def _reference(owner: "RigOwner", known: "Certificate"):
+    """What lies on a simulated rig: the reference as certified; None on a real one."""
+    if owner.config.depth == "real":
+        return None
+    if len(known.f) == 1:
+        from gonio.brdf.models.lambert import Lambert
+
+        f = known.f[0]
+        return Lambert(np.pi * (np.repeat(f, owner.config.channels or 3) if len(f) == 1 else f))
+    from sim.standard import Standard
+
+    channels = known.f.shape[1] if known.f.shape[1] > 1 else owner.config.channels or 3
+    return Standard(known.wi, known.wo, known.f, channels)
+
+
+def _black(owner: "RigOwner", channels: int):
+    """What lies on a simulated rig when a trap is asked for; None on a real one."""
+    if owner.config.depth == "real":
+        return None
+    from gonio.brdf.models.lambert import Lambert
+
+    return Lambert(np.zeros(channels))
 
 
 def _mirror(owner: "RigOwner", wedge_deg: float):

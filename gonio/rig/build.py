@@ -200,7 +200,19 @@ def radiometry_of(config: RigConfig, channels: int) -> Radiometry:
         raise CalibrationMissing(f"{c.radiometry}: made with a {found.detector}, the rig has a {config.detector}")
     if len(found.gain) != channels:
         raise CalibrationMissing(f"{c.radiometry}: made for {len(found.gain)} channels, the run has {channels}")
-    return Radiometry(np.array(found.gain), np.array(found.gain_sigma), config.footprint, found.linearity, found.id)
+    if found.range_ratios and len(found.range_ratios) != config.photodiode.ranges:
+        raise CalibrationMissing(
+            f"{c.radiometry}: made for {len(found.range_ratios)} ranges, the rig has {config.photodiode.ranges}"
+        )
+    return Radiometry(
+        np.array(found.gain),
+        np.array(found.gain_sigma),
+        config.footprint,
+        found.linearity,
+        found.id,
+        np.array(found.range_ratios) if found.range_ratios else None,
+        np.array(found.stray) if found.stray else None,
+    )
 
 
 def calibration_ids(config: RigConfig, geometry: GeometryCalibration | None, radiometry: Radiometry) -> dict[str, str]:

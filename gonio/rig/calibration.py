@@ -50,7 +50,12 @@ class GeometryCalibration(Dated):
 
 
 class RadiometryCalibration(Dated):
-    """gain per channel = signal per second of f = 1 at full projection; linearity = relative excess at full scale."""
+    """gain per channel = signal per second of f = 1 at full projection; linearity = relative excess at full scale.
+
+    dark, stray: signal a second without light, and with the lamp on and nothing to see; dark_offset: at no exposure.
+    range_ratios: of each range to the lowest. gain_sigma holds the certificate's u (relative, k = 1). shot_noise of a
+    signal of 1 and read_noise as seen by photon transfer; curve_rms: what is left of four decades, relative.
+    """
 
     kind: Literal["radiometry"] = "radiometry"
     detector: Literal["photodiode", "camera"] = "photodiode"
@@ -59,6 +64,18 @@ class RadiometryCalibration(Dated):
     dark: tuple[float, ...] = ()
     linearity: float = 0.0
     linearity_sigma: float = 0.0
+    dark_offset: tuple[float, ...] = ()
+    range_ratios: tuple[float, ...] = ()
+    range_ratios_sigma: tuple[float, ...] = ()
+    stray: tuple[float, ...] = ()
+    stray_sigma: tuple[float, ...] = ()
+    drift_per_h: float = 0.0
+    drift_per_h_sigma: float = 0.0
+    warm_up_s: float = 0.0
+    shot_noise: float | None = None
+    read_noise: float | None = None
+    curve_rms: float | None = None
+    certificate_u: float = 0.0
 
 
 class CameraCalibration(Dated):

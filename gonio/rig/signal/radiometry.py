@@ -38,13 +38,18 @@ class Dark:
 
 @dataclass(frozen=True)
 class Radiometry:
-    """What a radiometric calibration knows. gain (C,) = signal / (s f cos); linearity = excess at full scale."""
+    """What a radiometric calibration knows. gain (C,) = signal / (s f cos); linearity = excess at full scale.
+
+    ratios (R,) of the ranges to the lowest, stray (C,) signal a second of the lit lamp; None = 1, and none.
+    """
 
     gain: Array
     gain_sigma: Array
     footprint: Literal["overfilled", "underfilled"] = "overfilled"
     linearity: float = 0.0
     id: str | None = None
+    ratios: Array | None = None
+    stray: Array | None = None
 
     def cosine(self, wi: Array, wo: Array) -> float:
         """Of one pair (3,), (3,): what the signal falls with besides f."""
@@ -52,12 +57,16 @@ class Radiometry:
 
     def signal(self, reading: Reading) -> tuple[Array, Array]:
         """Value and sigma (C,) as a linear detector would have given them."""
-        full = reading.raw.get("full_scale")
+        full, ranges = reading.raw.get("full_scale"), reading.raw.get("range")
+        value, sigma = reading.value, reading.sigma
+        if self.ratios is not None and ranges is not None:
+            ratio = self.ratios[np.asarray(ranges, int)]
+            value, sigma = value / ratio, sigma / ratio
         if not self.linearity or full is None:
-            return reading.value, reading.sigma
+            return value, sigma
         x = self.linearity / np.asarray(full, float)  # shown = s (1 + x s)
-        root = np.sqrt(np.maximum(1 + 4 * x * reading.value, 0.25))
-        return 2 * reading.value / (1 + root), reading.sigma / root
+        root = np.sqrt(np.maximum(1 + 4 * x * value, 0.25))
+        return 2 * value / (1 + root), sigma / root
 
     def reduce(
         self, reading: Reading, dark: Dark, wi: Array, wo: Array, drift: float = 1.0, drift_sigma: float = 0.0
@@ -71,6 +80,8 @@ class Radiometry:
             return np.full_like(value, np.nan), np.full_like(value, np.nan)
         per_f = seconds * drift * self.gain * cosine
         light = value - dark.value * scale
+        if self.stray is not None:
+            light = light - self.stray * seconds * drift
         noise = np.sqrt(sigma**2 + (dark.sigma * scale) ** 2 + (light * drift_sigma / drift) ** 2)
         return light / per_f, noise / per_f
 

@@ -90,9 +90,15 @@ def measure_reference(
     phi = 180 degrees), take the readings and reduce them. Raises CalibrationMissing, SafetyStop, DeviceFault.
     """
     wi, wo = from_angles(np.radians([theta_i_deg]), 0.0), from_angles(np.radians([theta_o_deg]), np.pi)
+    return calibrate_at(rig, wi, wo, reference_f)
+
+
+def calibrate_at(rig: StagedRig, wi: Array, wo: Array, reference_f: Array) -> RadiometryCalibration:
+    """As `measure_reference`, at a pair (1, 3), (1, 3)."""
     if not rig.reachable(wi, wo)[0]:
+        theta = np.degrees(np.arctan2(np.hypot(*np.array([wi[0], wo[0]]).T[:2]), [wi[0, 2], wo[0, 2]]))
         raise CalibrationMissing(
-            f"radiometry: {theta_i_deg:g}/{theta_o_deg:g} degrees is out of rig {rig.config.name}'s reach"
+            f"radiometry: {theta[0]:.3g}/{theta[1]:.3g} degrees is out of rig {rig.config.name}'s reach"
         )
     wi_0, wo_0 = rig.drive(wi, wo)  # as achieved
     rig.announce(-(1 << 41))

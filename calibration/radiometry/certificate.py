@@ -1,0 +1,86 @@
+"""A white reference's f by angles. Real standards differ from Lambert by up to a fifth at high angles: one number is
+that of one geometry.
+
+As a table: CSV with columns theta_i_deg, theta_o_deg, phi_deg (between the two azimuths, 180 = opposite each other) and
+f, or f1, f2, ... one a channel, in 1/sr; `u` is the relative standard uncertainty (k = 1) of a row.
+"""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gonio.geometry import Array, from_angles
+from gonio.rig.errors import CalibrationMissing
+
+ANGLES = ("theta_i_deg", "theta_o_deg", "phi_deg")
+HIGHEST = 1.5  # f of anything white, 1/sr: a number above it is a reflectance factor or a percentage
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """wi, wo (N, 3); f (N, C) in 1/sr; u (N,), relative, k = 1."""
+
+    wi: Array
+    wo: Array
+    f: Array
+    u: Array
+
+    @classmethod
+    def of_one(cls, theta_i_deg: float, theta_o_deg: float, f: Array, u: float) -> "Certificate":
+        """One geometry, light and detector opposite each other."""
+        wi, wo = from_angles(np.radians([theta_i_deg]), 0.0), from_angles(np.radians([theta_o_deg]), np.pi)
+        return cls(wi, wo, np.atleast_2d(np.asarray(f, float)), np.array([u]))
+
+    def part(self, which: Array) -> "Certificate":
+        return Certificate(self.wi[which], self.wo[which], self.f[which], self.u[which])
+
+    @property
+    def used(self) -> Array:
+        """Indices that a calibration uses; the others are left to verify it."""
+        return np.arange(len(self.f)) if len(self.f) < 4 else np.arange(0, len(self.f), 2)
+
+    @property
+    def unused(self) -> Array:
+        return np.setdiff1d(np.arange(len(self.f)), self.used)
+
+
+def read_certificate(path: Path, u: float) -> Certificate:
+    """The table of a CSV file; u where a row says none. Raises CalibrationMissing that names file, line and column."""
+    try:
+        rows = csv.DictReader(path.read_text(encoding="utf-8").splitlines())
+    except (OSError, UnicodeDecodeError) as e:
+        raise CalibrationMissing(f"{path}: cannot be read as text ({type(e).__name__}); give a CSV file") from None
+    names = tuple(rows.fieldnames or ())
+    values = tuple(n for n in names if n == "f" or (n[:1] == "f" and n[1:].isdigit()))
+    if missing := [c for c in ANGLES if c not in names]:
+        raise CalibrationMissing(f"{path}:1: no column {missing[0]}; name {', '.join(ANGLES)} and f (or f1, f2, ...)")
+    if not values:
+        raise CalibrationMissing(f"{path}:1: no column f; give f, or f1, f2, ... one a channel, in 1/sr")
+    table, unsure = [], []
+    for row in rows:
+        where = f"{path}:{rows.line_num}"
+        table.append([_number(row, c, where) for c in (*ANGLES, *values)])
+        unsure.append(_number(row, "u", where) if row.get("u") else u)
+        if not (0 <= table[-1][0] < 90 and 0 <= table[-1][1] < 90):
+            raise CalibrationMissing(f"{where}: an angle from the normal lies outside 0 ... 90 degrees")
+        if not all(0 < v < HIGHEST for v in table[-1][3:]):
+            raise CalibrationMissing(f"{where}: f must lie between 0 and {HIGHEST:g} 1/sr; a white one is about 0.31")
+        if not 0 <= unsure[-1] < 1:
+            raise CalibrationMissing(f"{where}: u is {unsure[-1]:g}; give a relative standard uncertainty below 1")
+    if not table:
+        raise CalibrationMissing(f"{path}: no row; give one angle at least")
+    t = np.array(table)
+    theta_i, theta_o, phi = np.radians(t[:, :3]).T
+    return Certificate(from_angles(theta_i, 0.0), from_angles(theta_o, phi), t[:, 3:], np.array(unsure))
+
+
+def _number(row: dict[str, str], column: str, where: str) -> float:
+    try:
+        value = float(row.get(column) or "")
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise CalibrationMissing(f"{where}: {column} is {row.get(column)!r}; fill the hole or leave out the row")
+    return value
