@@ -17,6 +17,7 @@ HOUSE = [
     {"gonio.commands"},
     {"gonio.daemon", "gonio.bench"},
     {"gonio.run"},
+    {"gonio.budget"},
     {"gonio.acquire"},
     {"gonio.run.open_rig"},
     {"calibration"},

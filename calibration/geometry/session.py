@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from calibration.geometry.design import Candidates, at_best, best, candidates
-from calibration.geometry.fit import Fit, fit_geometry, misses_of
+from calibration.geometry.fit import Fit, apart, fit_geometry, misses_of, random_poses
 from calibration.geometry.looking import Looking, OutOfReach
 from calibration.geometry.observations import Observation
 from calibration.geometry.parameters import Parameters
@@ -89,6 +89,14 @@ class Session:
         """Parameters that no mirror so far could tell, and their sigmas."""
         names, sigma = self.parameters.names, self.fit.sigma
         return {n: s for n, s, r in zip(names, sigma, self.reachable_sigma) if r > GOAL}
+
+    def only_turns(self, name: str) -> bool:
+        """Whether a parameter does nothing but turn all directions about the sample's normal."""
+        step = np.where(np.array(self.parameters.names) == name, 0.01, 0.0)
+        poses = random_poses(self.config, 50, np.random.default_rng(0))
+        return bool(
+            apart(self.fit.kinematics, self.parameters.kinematics(self.fit.p + step), poses).max() < 1e-3 * 0.01
+        )
 
     @property
     def _usual(self) -> float:

@@ -229,11 +229,10 @@ def _mirror(owner: "RigOwner", wedge_deg: float):
 def _not_told(session: "Session") -> list[str]:
     """What a mirror cannot tell, and what would."""
     untold, lines = session.untold, []
-    turning = [n for n in untold if n.startswith("offset.") and np.degrees(untold[n]) > 1]
+    turning = [n for n in untold if session.only_turns(n)]
     for name in turning:
-        axis = name.split(".")[1]
         lines.append(
-            f"the zero of {axis} ({np.degrees(untold[name]):.0f} degrees): a mark on the sample would, as `light` in a CSV"
+            f"the zero of {name.split('.')[1]}: a mark on the sample would, as `light` in a CSV of what was seen"
         )
     rest = [n for n in untold if n not in turning]
     if rest:

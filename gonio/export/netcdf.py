@@ -8,12 +8,12 @@ import numpy as np
 from gonio.atomic import beside
 from gonio.brdf import Brdf
 from gonio.export.extra import needs
-from gonio.export.intervals import columns
+from gonio.export.intervals import Shared, columns
 from gonio.geometry import to_half_diff
 from gonio.run.record.store import Store
 
 
-def chain_arrays(store: Store, brdf: Brdf | None = None) -> dict[str, np.ndarray]:
+def chain_arrays(store: Store, brdf: Brdf | None = None, shared: Shared | None = None) -> dict[str, np.ndarray]:
     """The chains' states, each (chains, steps): theta_h, theta_d, phi_d, f_*, accepted, log_p, kind; equal lengths.
 
     Steps before every chain had found the support are left out. Of a BRDF that knows them, its value, standard
@@ -38,15 +38,17 @@ def chain_arrays(store: Store, brdf: Brdf | None = None) -> dict[str, np.ndarray
     out = {"theta_h": theta_h, "theta_d": theta_d, "phi_d": np.abs(phi_d)}
     if row.size:
         out |= {f"f_{c}": m.f[row, c] for c in range(m.f.shape[1])}
-        out |= dict(columns(brdf, m.asked[row, :3], m.asked[row, 3:]))
+        out |= dict(columns(brdf, m.asked[row, :3], m.asked[row, 3:], shared))
     return out | {k: grid(s[k])[:, begin:] for k in ("accepted", "log_p", "kind")}
 
 
-def write_netcdf(store: Store, path: str | os.PathLike[str], brdf: Brdf | None = None) -> Path:
+def write_netcdf(
+    store: Store, path: str | os.PathLike[str], brdf: Brdf | None = None, shared: Shared | None = None
+) -> Path:
     """Groups `posterior` (the states) and `sample_stats` (accepted, lp, kind). Raises MissingExtra without h5netcdf."""
     xarray = needs("xarray", "study")
     needs("h5netcdf", "study")
-    arrays = chain_arrays(store, brdf)
+    arrays = chain_arrays(store, brdf, shared)
     path = Path(path)
     stats = {"accepted": arrays.pop("accepted"), "lp": arrays.pop("log_p"), "kind": arrays.pop("kind")}
     with beside(path) as part:

@@ -8,15 +8,16 @@ from numpy.typing import NDArray
 
 from gonio.atomic import beside
 from gonio.brdf import Brdf
-from gonio.export.intervals import columns
+from gonio.export.intervals import Shared, columns
 from gonio.geometry import to_angles
 from gonio.mcmc.proposals import KINDS
 from gonio.run.record.store import Store
 
 
-def step_table(store: Store, brdf: Brdf | None = None) -> dict[str, NDArray]:
+def step_table(store: Store, brdf: Brdf | None = None, shared: Shared | None = None) -> dict[str, NDArray]:
     """Columns by name: chain, step, kind, measured, accepted, repeats, log_q, angles in degrees, f_*, sigma_*, …
-    and, of a BRDF that knows them, its value, standard deviation and intervals there.
+    and, of a BRDF that knows them, its value, standard deviation and intervals there; of a calibrated rig also
+    u_shared_*, what all readings may be off by together, relative (k = 1).
 
     Directions are as achieved where measured, as proposed where free. repeats counts the steps a chain stayed on this
     state, 0 if it was never there.
@@ -47,7 +48,7 @@ def step_table(store: Store, brdf: Brdf | None = None) -> dict[str, NDArray]:
     table |= {f"sigma_{c}": of(m.sigma[:, c]) for c in range(channels)}
     table["saturated"] = (measured & m.saturated[row]).astype(int) if len(m.id) else measured.astype(int)
     table |= {"rig_s": of(m.rig_s), "wall_s": of(m.wall_s)}
-    return table | dict(columns(brdf, where[:, :3], where[:, 3:]))
+    return table | dict(columns(brdf, where[:, :3], where[:, 3:], shared))
 
 
 def repeats(chain: NDArray, step: NDArray, accepted: NDArray) -> NDArray[np.int64]:
@@ -61,11 +62,13 @@ def repeats(chain: NDArray, step: NDArray, accepted: NDArray) -> NDArray[np.int6
     return out
 
 
-def write_csv(store: Store, path: str | os.PathLike[str], brdf: Brdf | None = None) -> Path:
+def write_csv(
+    store: Store, path: str | os.PathLike[str], brdf: Brdf | None = None, shared: Shared | None = None
+) -> Path:
     """Numbers with 17 digits, so that they read back to the bit; NaN is empty."""
     import csv
 
-    table = step_table(store, brdf)
+    table = step_table(store, brdf, shared)
     path = Path(path)
     texts = [[_text(v) for v in column.tolist()] for column in table.values()]
     with beside(path) as part, open(part, "w", newline="") as out:
@@ -75,7 +78,9 @@ def write_csv(store: Store, path: str | os.PathLike[str], brdf: Brdf | None = No
     return path
 
 
-def write_parquet(store: Store, path: str | os.PathLike[str], brdf: Brdf | None = None) -> Path:
+def write_parquet(
+    store: Store, path: str | os.PathLike[str], brdf: Brdf | None = None, shared: Shared | None = None
+) -> Path:
     """The same table in Parquet. Raises MissingExtra where pyarrow is not installed."""
     from gonio.export.extra import needs
 
@@ -83,7 +88,7 @@ def write_parquet(store: Store, path: str | os.PathLike[str], brdf: Brdf | None 
     parquet = needs("pyarrow.parquet", "study")
     path = Path(path)
     with beside(path) as part:
-        parquet.write_table(pyarrow.table(step_table(store, brdf)), part)
+        parquet.write_table(pyarrow.table(step_table(store, brdf, shared)), part)
     return path
 
 

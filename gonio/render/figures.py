@@ -1,6 +1,6 @@
 """The report's figures, each a function of plain arrays that returns a matplotlib Figure."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -108,6 +108,22 @@ def albedos(edges: Array, value: Array, error: Array, channels: Sequence[str]) -
     axis.set_xlabel("θi [deg]")
     axis.set_ylim(0, None)
     axis.legend()
+    return figure
+
+
+def budget(relative: Mapping[str, Mapping[str, float]]) -> Figure:
+    """Bars of relative standard uncertainty: part -> place -> value."""
+    figure = Figure(figsize=(10, 3.4), layout="constrained")
+    axis = figure.subplots()
+    parts, places = list(relative), list(relative["combined"])
+    width = 0.8 / len(places)
+    for k, place in enumerate(places):
+        values = [100 * relative[p].get(place, np.nan) for p in parts]
+        axis.bar(np.arange(len(parts)) + (k - len(places) / 2) * width, values, width, label=place)
+    axis.set_xticks(np.arange(len(parts)), parts, fontsize=8)
+    axis.set_yscale("log")
+    axis.set_ylabel("u [%]")
+    axis.legend(fontsize=8, ncols=len(places))
     return figure
 
 

@@ -31,11 +31,18 @@ img{max-width:100%}p{color:#445}
 
 
 def write_report(
-    path: str | os.PathLike[str], store: Store, material: Material, brdf: Brdf, truth: Brdf | None, flow=None
+    path: str | os.PathLike[str],
+    store: Store,
+    material: Material,
+    brdf: Brdf,
+    truth: Brdf | None,
+    flow=None,
+    budget: dict | None = None,
 ) -> None:
     """The page: what was run, where was measured, how the chains did, what came out and how right it is.
 
-    flow: the density (`log_prob`) that the run's flow ended with, if it had one.
+    flow: the density (`log_prob`) that the run's flow ended with, if it had one. budget: of a calibrated rig, as
+    `budget.json` has it.
     """
     m, steps = store.measured(), store.steps()
     good = np.isfinite(m.f).all(1)
@@ -51,6 +58,7 @@ def write_report(
     if truth is not None:
         parts.append(_table("Beside the truth", _scores(brdf, truth) | _holes(truth)))
     parts.append(_albedos(AlbedoOfRun.of(store, material)))
+    parts.append(_uncertainty(budget, material))
     parts.append(
         _section(
             "Slices in the plane of incidence",
@@ -166,6 +174,22 @@ def _albedos(a: AlbedoOfRun) -> str:
     figure = figures.albedos(EDGES, a.found.value, a.found.error, a.channels)
     text = "By all that was drawn, whatever the reconstruction is worth; bars: two standard errors."
     return _section("Albedo over θi", figure, text) + _table("Albedos ± standard error", a.rows())
+
+
+def _uncertainty(budget: dict | None, material: Material) -> str:
+    if budget is None:
+        return ""
+    rows = {
+        f"DHR, θi {row['theta_i_deg']:g}°": "  ".join(
+            f"{c} {v:.4f} ± {u:.4f}" for c, v, u in list(zip(material.channels, row["value"], row["u"]))[:8]
+        )
+        for row in budget["dhr"]
+    }
+    rows |= {"not in it": "; ".join(budget["left_out"])} if budget["left_out"] else {}
+    text = "Relative standard uncertainty (k = 1), median over pairs; parts that all readings have in common are the same for all."
+    return _section("Uncertainty budget", figures.budget(budget["relative"]), text) + _table(
+        "Reflectance, with u (k = 1)", rows
+    )
 
 
 def _flow(store: Store, samples: Samples, density) -> str:

@@ -83,19 +83,38 @@ def albedo_of_run(path: str) -> "AlbedoOfRun":
         return AlbedoOfRun.of(store, read_config(path).material)
 
 
+def make_budget(folder: Path, theta_i_deg: tuple[float, ...] | None = None) -> dict:
+    """budget.json in the run, as a dictionary. Raises ConfigError where the run has no BRDF yet."""
+    from gonio.budget import budget_of, write_budget
+
+    if not (Path(folder) / "brdf.npz").exists():
+        raise ConfigError(f"{folder}: has no brdf.npz yet; `gonio reconstruct {folder}` makes it")
+    return write_budget(folder, budget_of(folder), theta_i_deg)
+
+
 def export_run(folder: Path, format: str, out: Path | None = None) -> Path:
     """Write the run's BRDF (bsdf, merl, grid, mountain) or samples (csv, parquet, netcdf); the path written."""
     if format in SAMPLE_FORMATS:
         module, function, name = SAMPLE_FORMATS[format]
         with Store.open(folder, write=False) as store:
             brdf = gonio.load_brdf(folder) if (Path(folder) / "brdf.npz").exists() else None
-            return _function(module, function)(store, out or Path(folder) / name, brdf)
+            return _function(module, function)(store, out or Path(folder) / name, brdf, _shared(folder, brdf))
     if format in BRDF_FORMATS:
         module, function, name = BRDF_FORMATS[format]
         path = out or Path(folder) / name
         _function(module, function)(gonio.load_brdf(folder), path)
         return path
     raise ConfigError(f"--format {format}: not one of {', '.join([*BRDF_FORMATS, *SAMPLE_FORMATS])}")
+
+
+def _shared(folder: Path, brdf):
+    """Relative uncertainty (N, C) at pairs that all readings of a run have in common; None of a rig never calibrated."""
+    from gonio.budget import budget_of
+
+    if brdf is None:
+        return None
+    common = budget_of(folder).common
+    return common.u if common.calibrated else None
 
 
 def make_report(folder: Path) -> Path:
@@ -107,8 +126,16 @@ def make_report(folder: Path) -> Path:
     truth = None if own is None else gonio.load_brdf(own.path)
     path = Path(folder) / "report.html"
     with Store.open(folder, write=False) as store:
-        write_report(path, store, config.material, gonio.load_brdf(folder), truth, _run_flow(folder))
+        write_report(path, store, config.material, gonio.load_brdf(folder), truth, _run_flow(folder), _budget(folder))
     return path
+
+
+def _budget(folder: Path) -> dict | None:
+    """Of a calibrated rig; another has nothing but its noise, which the report says anyway."""
+    from gonio.budget import budget_of, write_budget
+
+    budget = budget_of(folder)
+    return write_budget(folder, budget) if budget.common.calibrated else None
 
 
 def _run_flow(folder: Path):

@@ -12,6 +12,7 @@ import numpy as np
 import gonio
 from gonio.config import Material
 from gonio.config.rig import RigConfig
+from gonio.rig.calibration import Dated, GeometryCalibration, RadiometryCalibration, load_calibration
 from gonio.run.truth import truth_sha256
 
 
@@ -30,7 +31,19 @@ def provenance(material: Material, rig: RigConfig, origin: str) -> dict[str, Any
         "truth": origin,
         "truth_sha256": truth_sha256(material),
         "calibration": json.loads(rig.calibration.model_dump_json()),
+        "calibrations": _calibrations(rig),
         "started": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+    }
+
+
+def _calibrations(rig: RigConfig) -> dict[str, Any]:
+    """What the run was measured by, whole, so that its budget does not hang on files beside it."""
+    files: dict[str, tuple[str | None, type[Dated]]] = {"geometry": (rig.calibration.geometry, GeometryCalibration)}
+    files |= {"radiometry": (rig.calibration.radiometry, RadiometryCalibration)}
+    return {
+        kind: json.loads(load_calibration(Path(name), model).model_dump_json())
+        for kind, (name, model) in files.items()
+        if name is not None
     }
 
 
