@@ -99,7 +99,7 @@ class TrueRig:
         self.hidden = h = Hidden.of(config.world, config, channels)
         self._kinematics = kinematics_of(config, self.geometry(config))
         self.backlash = backlash_of(config, self.geometry(config))
-        self._through = float(np.exp(-np.sum(h.beams**2) / (2 * h.beam_width**2)))
+        self.through = float(np.exp(-np.sum(h.beams**2) / (2 * h.beam_width**2)))
 
     def geometry(self, config: RigConfig) -> GeometryCalibration:
         """What a perfect calibration would find."""
@@ -123,7 +123,7 @@ class TrueRig:
         """wi, wo (3,) in the sample's own frame, and the share of light that comes through, at the angles (A,) in
         radians that encoders without backlash would show."""
         wi, wo = self._kinematics.forward(pose)
-        return wi, wo, self._through * self._polarised(wi, wo)
+        return wi, wo, self.through * self._polarised(wi, wo)
 
     def signal(self, light: Array, now: float, lit: bool) -> Array:
         """What reaches the detector (C,) of the light that the sample sends, at a time in seconds."""

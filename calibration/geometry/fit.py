@@ -23,6 +23,10 @@ from gonio.rig.kinematics.base import Kinematics
 SIGMA = 3.5e-4  # rad, of a direction, where an observation does not say
 DRAWS, POSES = 24, 300  # of rigs that could be as well, and of poses at which they are compared
 SMALL = ("turn", "backlash", "centre", "height", "lie")  # what a table of a few observations need not tell
+MANY, LEAST_EXCESS = (
+    40.0,
+    0.3,
+)  # degrees of freedom that say how sure readings are, down to this share of what they state
 WORST = np.radians(2.0)  # that observations may disagree by
 
 
@@ -76,10 +80,10 @@ def fit_geometry(
     told = float(len(parameters) - np.trace(np.linalg.inv(fit.jac.T @ fit.jac) / parameters.prior**2))
     freedom = max(2 * len(observations) - told, 1.0)
     excess = float(np.sqrt((seen**2).sum() / freedom))
-    covariance = np.linalg.inv(fit.jac.T @ fit.jac)
-    if excess > 1:  # of what is told by observations; the priors stay what they are
-        held = np.diag(parameters.prior**-2)
-        covariance = np.linalg.inv((fit.jac.T @ fit.jac - held) / excess**2 + held)
+    # what is told by observations is as sure as they agree; the priors stay what they are
+    scale = max(excess, LEAST_EXCESS if freedom >= MANY else 1.0)
+    held = np.diag(parameters.prior**-2)
+    covariance = np.linalg.inv((fit.jac.T @ fit.jac - held) / scale**2 + held)
     misses = seen * residual.sigma[:, None]
     rms = float(np.sqrt((misses**2).sum() / freedom))
     return Fit(parameters, fit.x, covariance, misses, rms, excess)

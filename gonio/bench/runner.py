@@ -29,6 +29,7 @@ STUDIES = {
     "flow_speed": "gonio.bench.flows.flow_speed",
     "codes": "gonio.bench.flows.codes",
     "pretrain": "gonio.bench.flows.pretrain",
+    "coverage": "gonio.bench.accuracy.coverage",
     "prior": "gonio.bench.accuracy.prior",
 }
 
