@@ -5,9 +5,19 @@ import hashlib
 import json
 from typing import Any
 
+from gonio.config.rig import RigConfig
+from gonio.rig.stale import made_for
 
-def stamp(kind: str, found: dict[str, Any], rig: str, simulated: bool) -> dict[str, Any]:
-    """Fields that every calibration file begins with."""
+
+def stamp(kind: str, found: dict[str, Any], rig: str | RigConfig, simulated: bool) -> dict[str, Any]:
+    """Fields that every calibration file begins with; of a rig's config also what of it the calibration hangs on."""
     digest = hashlib.sha256(json.dumps(found, sort_keys=True, default=str).encode()).hexdigest()[:6]
     now = dt.datetime.now(dt.UTC).replace(microsecond=0)
-    return {"id": f"{kind}-{now:%Y%m%d}-{digest}", "date": now, "rig": rig, "simulated": simulated}
+    made = {"id": f"{kind}-{now:%Y%m%d}-{digest}", "date": now, "simulated": simulated}
+    if isinstance(rig, str):
+        return made | {"rig": rig}
+    return made | {
+        "rig": rig.name,
+        "made_for": made_for(kind, rig),
+        "temperature_c": rig.calibration.temperature_c,
+    }

@@ -127,7 +127,7 @@ def calibration_of(fit: Fit, config: RigConfig, simulated: bool, held_out: float
         "parameters": dict(zip(q.names, fit.p.tolist())),
         "covariance": tuple(tuple(float(f"{v:.6g}") for v in row) for row in fit.covariance),
     }
-    return GeometryCalibration(**stamp("geometry", found, config.name, simulated), **found)
+    return GeometryCalibration(**stamp("geometry", found, config, simulated), **found)
 
 
 def misses_of(observations: Sequence[Observation], fit: Fit) -> Array:

@@ -129,7 +129,7 @@ class Session:
             "curve_rms": rms,
             "certificate_u": float(u.mean()),
         }
-        return RadiometryCalibration(**stamp("radiometry", found, rig.config.name, rig.simulated), **found)
+        return RadiometryCalibration(**stamp("radiometry", found, rig.config, rig.simulated), **found)
 
     def _channels_match(self, rig: StagedRig) -> None:
         said = self.certificate.f.shape[1]

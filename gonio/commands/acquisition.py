@@ -13,6 +13,9 @@ SetOption = Annotated[
 DaemonOption = Annotated[
     bool | None, typer.Option("--daemon/--no-daemon", help="through the rig's daemon [default: where one runs]")
 ]
+AllowStale = Annotated[
+    bool, typer.Option("--allow-stale", help="measure with calibrations too old or of another rig; the run says so")
+]
 RunFolder = Annotated[Path, typer.Argument(help="a run folder")]
 
 
@@ -29,6 +32,7 @@ def acquire(
     seed: Annotated[int | None, typer.Option(help="seed of the chains (and of simulated noise)")] = None,
     set_: SetOption = [],  # noqa: B006 - typer reads the default, nothing changes it
     post: Annotated[bool, typer.Option(help="make the BRDF, its .bsdf and the report when done")] = True,
+    allow_stale: AllowStale = False,
     daemon: DaemonOption = None,
 ) -> None:
     """Measure a material: drive the rig by the chain, store every reading, make the BRDF and the report."""
@@ -36,6 +40,7 @@ def acquire(
     from gonio.daemon.sockets import hold_hardware
     from gonio.run.start import start
 
+    set_ = [*set_, *["rig.calibration.allow_stale=true"] * allow_stale]
     material, rig_config = _configs(config, rig, set_, seed)
     if (client := through.daemon_of(rig_config.name, daemon)) is not None:
         through.refuse_rig_keys(set_)
@@ -51,6 +56,7 @@ def resume(
     run: RunFolder,
     set_: SetOption = [],  # noqa: B006
     post: Annotated[bool, typer.Option(help="make the BRDF, its .bsdf and the report when done")] = True,
+    allow_stale: AllowStale = False,
     daemon: DaemonOption = None,
 ) -> None:
     """Go on with an interrupted run: the very chain an uninterrupted one would have been."""
@@ -64,7 +70,7 @@ def resume(
         _products(through.resume(client, run, set_), post)
         return
     with hold_hardware(rig_config):
-        _drive(reopen(run, tuple(set_)), post)
+        _drive(reopen(run, tuple(set_), allow_stale=allow_stale), post)
 
 
 def check(

@@ -6,10 +6,11 @@ import yaml
 
 from gonio.atomic import write_text
 from gonio.config.rig import CalibrationFiles, RigConfig
-from gonio.rig.calibration import GeometryCalibration, RadiometryCalibration, load_calibration
+from gonio.rig.calibration import Dated, GeometryCalibration, RadiometryCalibration, load_calibration
 from gonio.rig.errors import CalibrationMissing
+from gonio.rig.stale import stale
 
-STEPS = {"geometry": GeometryCalibration, "radiometry": RadiometryCalibration}
+STEPS: dict[str, type[Dated]] = {"geometry": GeometryCalibration, "radiometry": RadiometryCalibration}
 
 
 class Calibrated:
@@ -50,6 +51,9 @@ class Calibrated:
             name = getattr(files, step)
             if name is None:
                 break  # what comes later was made with what comes before
-            load_calibration(Path(name), model, config.calibration.max_age_days)
+            load_calibration(Path(name), model)
             done[step] = name
+        files = config.calibration.model_copy(update=done)
+        if old := stale(config.model_copy(update={"calibration": files})):
+            raise CalibrationMissing(f"{next(iter(old.values()))}; begin anew with --again")
         return done

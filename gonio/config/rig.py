@@ -120,6 +120,9 @@ class CalibrationFiles(Section):
     geometry: str | None = None
     radiometry: str | None = None
     max_age_days: float | None = Field(None, gt=0)
+    temperature_c: float | None = Field(None, ge=-50, le=100, description="of the room now")
+    max_change_k: float = Field(5.0, gt=0, description="of the room since a calibration that says its temperature")
+    allow_stale: bool = Field(False, description="measure all the same; the run says so")
 
 
 class PortConfig(Section):

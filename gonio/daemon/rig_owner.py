@@ -54,7 +54,11 @@ class RigOwner:
                 from gonio.brdf.models.lambert import Lambert
 
                 truth = Lambert([1.0] * (self.config.channels or 3))
-            self.rig = open_rig(self.config, truth, 0)
+            config = self.config
+            if not calibrated:  # what is about to be made anew may be as old as it likes
+                files = config.calibration.model_copy(update={"allow_stale": True})
+                config = config.model_copy(update={"calibration": files})
+            self.rig = open_rig(config, truth, 0)
             self._opened_for = PlanConfig(), False
         return self.rig
 

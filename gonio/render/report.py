@@ -109,6 +109,8 @@ def _facts(store: Store, material: Material, m, steps, brdf: Brdf) -> str:
         "truth": p.get("truth") or "what lies on the rig",
         "made by": f"gonio {p.get('gonio')} {p.get('git')}, seed {p.get('seed')}",
     }
+    if p.get("stale"):
+        rows["stale calibrations"] = "; ".join(p["stale"].values())
     estimate = getattr(brdf, "energy_error_estimate", None)
     if estimate is not None:
         rows["estimated energy error"] = f"{float(estimate):.3f} (no truth needed)"

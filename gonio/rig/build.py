@@ -21,6 +21,7 @@ from gonio.rig.motion.envelope import Envelope
 from gonio.rig.signal.frames import Frames, load_frames
 from gonio.rig.signal.radiometry import Radiometry, nominal
 from gonio.rig.signal.view import View, facing, rotation_of
+from gonio.rig.stale import refuse_stale
 
 X, Y, Z = np.eye(3)
 
@@ -142,7 +143,7 @@ def park_pose(config: RigConfig) -> Array:
 def geometry_calibration(config: RigConfig) -> GeometryCalibration | None:
     """The geometry that the rig refers to, None = as drawn. Raises CalibrationMissing."""
     c = config.calibration
-    return load_calibration(Path(c.geometry), GeometryCalibration, c.max_age_days) if c.geometry else None
+    return load_calibration(Path(c.geometry), GeometryCalibration) if c.geometry else None
 
 
 def camera_calibration(config: RigConfig, *, to_measure: bool = True) -> CameraCalibration | None:
@@ -155,7 +156,7 @@ def camera_calibration(config: RigConfig, *, to_measure: bool = True) -> CameraC
         if real:
             raise CalibrationMissing(f"rig {config.name}: no calibration.camera; run `gonio calibrate camera`")
         return None
-    found = load_calibration(Path(c.camera), CameraCalibration, c.max_age_days if to_measure else None)
+    found = load_calibration(Path(c.camera), CameraCalibration)
     if real and found.mount_m is None:
         raise CalibrationMissing(
             f"{c.camera}: does not say where the camera sits; run `gonio calibrate camera` with --poses"
@@ -173,7 +174,9 @@ def camera_frames(config: RigConfig) -> Frames | None:
     c, camera = config.calibration, config.camera
     if c.frames is None:
         return None
-    return load_frames(Path(c.frames), camera.exposure_s, (camera.width, camera.height), c.max_age_days)
+    return load_frames(
+        Path(c.frames), camera.exposure_s, (camera.width, camera.height), None if c.allow_stale else c.max_age_days
+    )
 
 
 def nominal_radiometry(config: RigConfig, channels: int) -> Radiometry:
@@ -188,14 +191,15 @@ def nominal_radiometry(config: RigConfig, channels: int) -> Radiometry:
 def radiometry_of(config: RigConfig, channels: int) -> Radiometry:
     """How readings become f. Without a calibration, the nominal gain of the simulated detector.
 
-    Raises CalibrationMissing where the file is missing, stale, of other channels, or a real rig names none.
+    Raises CalibrationMissing where a file is missing, stale, of other channels, or a real rig names none.
     """
     c = config.calibration
+    refuse_stale(config)
     if c.radiometry is None:
         if config.depth == "real":
             raise CalibrationMissing(f"rig {config.name}: no calibration.radiometry; run `gonio calibrate radiometry`")
         return nominal_radiometry(config, channels)
-    found = load_calibration(Path(c.radiometry), RadiometryCalibration, c.max_age_days)
+    found = load_calibration(Path(c.radiometry), RadiometryCalibration)
     if found.detector != config.detector:
         raise CalibrationMissing(f"{c.radiometry}: made with a {found.detector}, the rig has a {config.detector}")
     if len(found.gain) != channels:

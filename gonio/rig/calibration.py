@@ -15,12 +15,15 @@ Triple = tuple[float, float, float]
 
 
 class Dated(Section):
-    """What every calibration says of itself. id = kind, date and a few digits of what it holds."""
+    """What every calibration says of itself. id = kind, date and a few digits of what it holds; made_for: a digest of
+    the parts of the rig's YAML that it hangs on; temperature_c: of the room."""
 
     id: str
     date: dt.datetime
     rig: str
     simulated: bool = False
+    made_for: str | None = None
+    temperature_c: float | None = None
 
 
 class GeometryCalibration(Dated):
@@ -98,20 +101,14 @@ class CameraCalibration(Dated):
 Calibration = TypeVar("Calibration", bound=Dated)
 
 
-def load_calibration(path: Path, model: type[Calibration], max_age_days: float | None = None) -> Calibration:
-    """The calibration of a file. Raises CalibrationMissing where there is none, it is damaged or too old."""
+def load_calibration(path: Path, model: type[Calibration]) -> Calibration:
+    """The calibration of a file, stale or not. Raises CalibrationMissing where there is none, or it is damaged."""
     if not path.is_file():
         raise CalibrationMissing(f"{path}: no such calibration; make it with `gonio calibrate`")
     try:
-        calibration = load_config(path, model)
+        return load_config(path, model)
     except ConfigError as e:
         raise CalibrationMissing(f"{e}; make it anew with `gonio calibrate`") from None
-    age = dt.datetime.now(dt.UTC) - calibration.date.astimezone(dt.UTC)
-    if max_age_days is not None and age > dt.timedelta(days=max_age_days):
-        raise CalibrationMissing(
-            f"{path}: {age.days} days old, the rig allows {max_age_days:g}; make it anew with `gonio calibrate`"
-        )
-    return calibration
 
 
 def save_calibration(calibration: Dated, folder: Path) -> Path:

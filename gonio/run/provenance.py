@@ -13,6 +13,7 @@ import gonio
 from gonio.config import Material
 from gonio.config.rig import RigConfig
 from gonio.rig.calibration import Dated, GeometryCalibration, RadiometryCalibration, load_calibration
+from gonio.rig.stale import stale
 from gonio.run.truth import truth_sha256
 
 
@@ -32,6 +33,7 @@ def provenance(material: Material, rig: RigConfig, origin: str) -> dict[str, Any
         "truth_sha256": truth_sha256(material),
         "calibration": json.loads(rig.calibration.model_dump_json()),
         "calibrations": _calibrations(rig),
+        "stale": stale(rig) if rig.calibration.allow_stale else {},
         "started": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
     }
 

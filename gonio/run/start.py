@@ -115,9 +115,13 @@ def start(material: Material, rig: RigConfig, out: str | os.PathLike[str] | None
     return Run(config, store, ready.truth)
 
 
-def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = ()) -> Run:
-    """An interrupted run, ready to go on; overrides may change its budget and stop rules."""
-    config = read_config(folder, tuple(f"material.{o}" for o in overrides))
+def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = (), *, allow_stale: bool = False) -> Run:
+    """An interrupted run, ready to go on; overrides may change its budget and stop rules.
+
+    allow_stale: with calibrations that have expired since; the run says so from now on.
+    """
+    stale = ("rig.calibration.allow_stale=true",) * allow_stale
+    config = read_config(folder, (*(f"material.{o}" for o in overrides), *stale))
     allowed = ("budget.", "stop.", "reconstruct.")
     for o in overrides:
         if not o.startswith(allowed):
@@ -127,8 +131,10 @@ def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = ()) -> R
     own_truth(folder)
     truth, origin = find_truth(config.material, config.rig)
     store = Store.open(folder, write=True, **_care(config.rig))
-    if overrides:
+    if overrides or stale:
         write_config(folder, config)
+    if stale:
+        store.event("stale", "calibrations allowed to be")
     store.event("resumed", f"gonio {gonio.__version__}, truth {origin or 'what lies on the rig'}")
     return Run(config, store, truth)
 
