@@ -60,8 +60,8 @@ class Fit:
         rng = np.random.default_rng(0)
         poses = random_poses(self.parameters.config, POSES, rng)
         draws = rng.multivariate_normal(self.p, self.covariance, DRAWS, method="eigh")
-        off = [apart(self.kinematics, self.parameters.kinematics(d), poses) for d in draws]
-        return float(np.sqrt(np.mean(np.square(off))))
+        off = np.concatenate([apart(self.kinematics, self.parameters.kinematics(d), poses) for d in draws])
+        return float(np.sqrt(np.mean(off**2)))
 
 
 def fit_geometry(
@@ -69,12 +69,18 @@ def fit_geometry(
     parameters: Parameters,
     start: Array | None = None,
     sigma: float = SIGMA,
+    evaluations: int = 60,
 ) -> Fit:
-    """The rig that explains the observations best, each good to its own sigma or to `sigma` rad."""
+    """The rig that explains the observations best, each good to its own sigma or to `sigma` rad.
+
+    evaluations: at most; a rig that explains them is found in ten, one that does not creeps along for hundreds.
+    """
     from scipy.optimize import least_squares
 
     residual = Residual(observations, parameters, sigma)
-    fit = least_squares(residual, np.zeros(len(parameters)) if start is None else start, x_scale=parameters.prior)
+    fit = least_squares(
+        residual, np.zeros(len(parameters)) if start is None else start, x_scale=parameters.prior, max_nfev=evaluations
+    )
     seen = fit.fun[len(parameters) :].reshape(-1, 3)
     # three components stand for two degrees of freedom; what priors hold takes none away
     told = float(len(parameters) - np.trace(np.linalg.inv(fit.jac.T @ fit.jac) / parameters.prior**2))
@@ -173,7 +179,7 @@ def random_poses(config: RigConfig, n: int, rng: np.random.Generator) -> Array:
 
 
 def apart(a: Kinematics, b: Kinematics, poses: Array) -> Array:
-    """Angles (2 N,) between the directions that two rigs show, after the turn about the normal that serves best."""
+    """Angles between the directions that two rigs show, where both are above the horizon, after the turn about the normal that serves best."""
     (ai, ao), (bi, bo) = a.forward(poses), b.forward(poses)
     first, second = np.concatenate([ai, ao]), np.concatenate([bi, bo])
     up = (first[:, 2] > 0) & (second[:, 2] > 0)

@@ -6,7 +6,7 @@ import numpy as np
 
 from calibration.geometry.fit import Fit
 from calibration.geometry.observations import Observation
-from calibration.geometry.peak import Look, Peak
+from calibration.geometry.peak import Look, OutOfReach, Peak
 from gonio.geometry import Array, reflect, unit
 from gonio.rig.errors import CalibrationMissing
 from gonio.rig.motion.approach import Approach
@@ -17,10 +17,6 @@ ROOM = np.radians(0.8)  # from where a pose is approached: more than any backlas
 DARKS = 16
 LEAST = np.radians(0.003)  # sigma of a half vector: what a peak's shape, and the joints, leave open
 FAINTEST = 1 / 512  # of the lamp, or of the exposure
-
-
-class OutOfReach(Exception):
-    """A search that leads beyond the limits of an axis, or to where no clear way goes."""
 
 
 class Looking:

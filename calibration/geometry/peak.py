@@ -9,6 +9,7 @@ with the covariance that their sigmas give it: no shape is assumed but that it i
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,10 @@ MOVES = 20  # of the grid, before there is no top
 GRID = np.stack(np.meshgrid([-1.0, 0, 1], [-1.0, 0, 1], indexing="ij"), -1).reshape(-1, 2)
 SYSTEMATIC = 0.005  # of a signal: its range, its linearity
 FACETS, FAR, SECOND = 12, (5.0, 8.0), 0.03  # a ring's readings, in widths; a second peak is this bright
+
+
+class OutOfReach(Exception):
+    """A look that leads beyond the limits of an axis, or to where no clear way goes."""
 
 
 class NoPeak(Exception):
@@ -43,23 +48,24 @@ class Peak:
 def find_peak(look: Look, radius: float, *, alone: bool = False) -> Peak:
     """The peak within `radius` rad of where it should be. alone: confirm that there is no second one beside it.
 
-    Raises NoPeak.
+    Raises NoPeak; OutOfReach where a part of the peak lies there.
     """
     seen: list[tuple[Array, float, float]] = []
 
-    def at(w: Array) -> float:
+    def bright(w: Array) -> bool:
         seen.append(look(w))
-        return seen[-1][1]
+        return seen[-1][1] > SEEN * seen[-1][2]
 
     start = np.zeros(2)
-    if at(start) <= SEEN * seen[-1][2]:
+    if not bright(start):
         for w in spiral(radius, PITCH):
-            if at(w) > SEEN * seen[-1][2]:
-                break
+            with suppress(OutOfReach):  # the peak may well be where the rig can be
+                if bright(w):
+                    break
         else:
             signal, sigma = max((s, e) for _, s, e in seen)
-            bright = "nothing but darkness: is the lamp on?" if signal < 5 * sigma else "is the mirror level and clean?"
-            raise NoPeak(f"no peak within {np.degrees(radius):.0f} degrees of where it should be; {bright}")
+            why = "nothing but darkness: is the lamp on?" if signal < 5 * sigma else "is the mirror level and clean?"
+            raise NoPeak(f"no peak within {np.degrees(radius):.0f} degrees of where it should be; {why}")
         start = seen[-1][0]
     step = STEP
     for _ in range(MOVES):
@@ -123,7 +129,7 @@ def _confirm_alone(look: Look, peak: Peak) -> None:
 
 def spiral(radius: float, pitch: float) -> Array:
     """Points (N, 2) outwards on a spiral of Archimedes, `pitch` apart in both ways."""
-    turn, points = 2 * np.pi, []
+    turn, points = np.pi, []
     while (r := pitch * turn / (2 * np.pi)) < radius:
         points.append([r * np.cos(turn), r * np.sin(turn)])
         turn += pitch / max(r, pitch)

@@ -6,10 +6,10 @@ import numpy as np
 
 from calibration.geometry.design import Candidates, at_best, best, candidates
 from calibration.geometry.fit import Fit, apart, fit_geometry, misses_of, random_poses
-from calibration.geometry.looking import Looking, OutOfReach
+from calibration.geometry.looking import Looking
 from calibration.geometry.observations import Observation
 from calibration.geometry.parameters import Parameters
-from calibration.geometry.peak import NoPeak, find_peak
+from calibration.geometry.peak import NoPeak, OutOfReach, find_peak
 from calibration.geometry.slip import slipped
 from gonio.config.rig import RigConfig
 from gonio.geometry import Array
@@ -94,9 +94,7 @@ class Session:
         """Whether a parameter does nothing but turn all directions about the sample's normal."""
         step = np.where(np.array(self.parameters.names) == name, 0.01, 0.0)
         poses = random_poses(self.config, 50, np.random.default_rng(0))
-        return bool(
-            apart(self.fit.kinematics, self.parameters.kinematics(self.fit.p + step), poses).max() < 1e-3 * 0.01
-        )
+        return bool(apart(self.fit.kinematics, self.parameters.kinematics(self.fit.p + step), poses).max() < 0.1 * 0.01)
 
     @property
     def _usual(self) -> float:
@@ -142,7 +140,7 @@ class Session:
                 raise CalibrationMissing(f"geometry: {e} (near {where} degrees, mirror {mirror})") from None
             n += 1
             self.say(f"peak {len(self.observations) + len(self.held_out)}")
-        if into is None:
+        if into is None and n:
             self.fit = fit_geometry(self.observations, self.parameters, self.fit.p)
             lie = np.hypot(*self.parameters.of(self.fit.p, "lie"))
             if mirror == 0 and lie > LEVEL and found:

@@ -4,53 +4,61 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calibration.geometry.fit import Fit, Residual
+from calibration.geometry.fit import Fit, Residual, fit_geometry
 from calibration.geometry.observations import Observation
 from gonio.geometry import Array
 
-EXPLAINS = 0.25  # of the squared misses may be left
-STEP = 1e-5  # rad
-SETTLED = 3  # peaks at least on either side of a slip
+AGREES = 3.0  # times its noise: a fit that explains what it is made of
+EXPLAINS = 0.25  # of the cost may be left
+FEWEST = 18  # peaks that could disagree at all
+EVALUATIONS = 25  # of one trial fit
 
 
 def slipped(observations: Sequence[Observation], fit: Fit) -> str:
     """A sentence: the axis that moved on its shaft, by how much and when, if that explains the misses.
 
-    To first order: a slip of axis a before peak k adds one column to the linear problem; the best of all (a, k) is taken.
+    When: the most peaks from the first on that one rig explains (bisection). Which and by how much: a fit with the slip
+    as one parameter more, for each axis.
     """
-    residual = Residual(observations, fit.parameters, 1.0)
-    weight = np.repeat(1 / residual.sigma, 3)
-    seen = lambda p: residual.seen(p).ravel() * weight
-    steps = STEP * np.eye(len(fit.p))
-    jacobian = np.stack([(seen(fit.p + s) - seen(fit.p - s)) / (2 * STEP) for s in steps], 1)
-    misses, held = seen(fit.p), np.diag(1 / fit.parameters.prior)
-    before = float((misses**2).sum())
-    best = (np.inf, "", 0, 0.0)
-    for axis, name in enumerate(fit.parameters.config.axis_names):
-        turned = Residual([_turned(o, axis) for o in observations], fit.parameters, 1.0)
-        column = (turned.seen(fit.p).ravel() * weight - misses) / STEP
-        for k in range(SETTLED, len(observations) - SETTLED):
-            slip = np.where(np.repeat(np.arange(len(observations)) >= k, 3), column, 0.0)
-            left, turn = _solved(jacobian, slip, misses, held, fit.p / fit.parameters.prior)
-            best = min(best, (left, name, k, turn))
-    left, name, k, turn = best
-    if left < EXPLAINS * before:
+    names = fit.parameters.config.axis_names
+    k = _agreeing(observations, fit)
+    trials = [_with_slip(observations, fit, axis, k) for axis in range(len(names))]
+    best = int(np.argmin([cost for cost, _ in trials]))
+    cost, turn = trials[best]
+    if cost < EXPLAINS * _cost(observations, fit):
         return (
-            f"{name} seems to have slipped by {np.degrees(turn):+.1f} degrees near peak {k + 1}: "
+            f"{names[best]} seems to have slipped by {np.degrees(turn):+.1f} degrees near peak {k + 1}: "
             "tighten it on its shaft and calibrate again"
         )
     return "is everything tight, and the mirror flat? --force saves it all the same"
 
 
-def _turned(o: Observation, axis: int) -> Observation:
-    pose = o.pose.copy()
-    pose[axis] += STEP
-    return Observation(o.kind, pose, o.direction, o.sigma, o.down, o.mirror)
+def _agreeing(observations: Sequence[Observation], fit: Fit) -> int:
+    """How many peaks, from the first on, one rig explains."""
+    low, high = FEWEST, len(observations)
+    while high - low > 1:
+        middle = (low + high) // 2
+        part = fit_geometry(observations[:middle], fit.parameters, evaluations=EVALUATIONS)
+        low, high = (middle, high) if part.excess < AGREES else (low, middle)
+    return low
 
 
-def _solved(jacobian: Array, slip: Array, misses: Array, held: Array, pulled: Array) -> tuple[float, float]:
-    """Squared misses left with the slip that serves best, and the slip, rad, by which encoders show more than before."""
-    above = np.concatenate([jacobian, slip[:, None]], 1)
-    below = np.concatenate([held, np.zeros((len(held), 1))], 1)
-    step, *_ = np.linalg.lstsq(np.concatenate([above, below]), -np.concatenate([misses, pulled]), rcond=None)
-    return float(((misses + above @ step) ** 2).sum()), -float(step[-1])
+def _with_slip(observations: Sequence[Observation], fit: Fit, axis: int, k: int) -> tuple[float, float]:
+    """Cost of the best fit with a slip of an axis before peak k; and by how much, rad, the encoder shows more since."""
+    from scipy.optimize import least_squares
+
+    residual = Residual(observations, fit.parameters, 1.0)
+    poses, since = residual.poses.copy(), np.zeros_like(residual.poses)
+    since[k:, axis] = 1.0
+
+    def misses(p: Array) -> Array:
+        residual.poses = poses - p[-1] * since
+        return residual(p[:-1])
+
+    scale = np.append(fit.parameters.prior, np.radians(1.0))
+    found = least_squares(misses, np.zeros(len(scale)), x_scale=scale, max_nfev=EVALUATIONS)
+    return float(found.cost), float(found.x[-1])
+
+
+def _cost(observations: Sequence[Observation], fit: Fit) -> float:
+    return float(0.5 * (Residual(observations, fit.parameters, 1.0)(fit.p) ** 2).sum())

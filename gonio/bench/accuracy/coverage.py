@@ -32,6 +32,7 @@ from gonio.load import load_brdf
 from gonio.run.products import make_brdf
 from gonio.run.start import start
 
+DARK = 1e-6  # of the brightest f
 LEVELS = (0.68, 0.95, 0.99)
 
 
@@ -110,6 +111,7 @@ def _measured(name: str, rig: RigConfig, config: Config, seed: int, folder: Path
     brdf, budget = load_brdf(folder), budget_of(folder)
     wi, wo = nodes()
     known, which = truth.eval(wi, wo), strata(truth, wi, wo)
+    size = np.maximum(known, DARK * known.max())  # a clamped channel is exactly 0
     inside, score = {}, {}
     for level in LEVELS:
         low, high = budget.interval(wi, wo, level)
@@ -117,9 +119,9 @@ def _measured(name: str, rig: RigConfig, config: Config, seed: int, folder: Path
         inside[str(level)] = [float(hit[which == k].mean()) if (which == k).any() else None for k in range(len(STRATA))]
         inside[str(level)].append(float(hit.mean()))
         missed = np.maximum(low - known, 0) + np.maximum(known - high, 0)
-        score[str(level)] = float(np.median((high - low + 2 / (1 - level) * missed) / known))
+        score[str(level)] = float(np.median((high - low + 2 / (1 - level) * missed) / size))
     flat = np.maximum(np.arccos(np.clip(wi[:, 2], -1, 1)), np.arccos(np.clip(wo[:, 2], -1, 1))) < np.radians(70)
-    u = budget.std(wi[flat], wo[flat]) / known[flat]
+    u = budget.std(wi[flat], wo[flat]) / size[flat]
     z = []
     expanded = []
     for theta, (at, outward, weight, _) in zip(THETA_I, directions()):
@@ -127,7 +129,7 @@ def _measured(name: str, rig: RigConfig, config: Config, seed: int, folder: Path
         r = budget.reflectance(float(theta))
         z += ((r.value - right) / r.u).tolist()
         expanded += r.u.tolist()
-    off = np.abs(brdf.eval(wi[flat], wo[flat]) - known[flat]) / known[flat]
+    off = np.abs(brdf.eval(wi[flat], wo[flat]) - known[flat]) / size[flat]
     return {
         "energy": evaluate(brdf, truth)["energy_mean"],
         "inside": inside,
