@@ -17,7 +17,8 @@ Value = Callable[[Array, Array], Array]  # f (N, C) of pairs
 class Angles:
     """The errors of a calibrated geometry, as columns, one for each independent way in which it may be wrong."""
 
-    def __init__(self, config: RigConfig, geometry: GeometryCalibration):
+    def __init__(self, config: RigConfig, geometry: GeometryCalibration, isotropic: bool = True):
+        self.isotropic = isotropic
         self.parameters = Parameters(config)
         names = list(geometry.parameters)
         kept = [names.index(n) for n in self.parameters.names]
@@ -29,7 +30,10 @@ class Angles:
         self._envelope = envelope_of(config, geometry)
 
     def shifts(self, wi: Array, wo: Array) -> tuple[Array, Array]:
-        """By how much directions (N, 3) are elsewhere than believed: (K, N, 3) each. 0 where the rig cannot be."""
+        """By how much directions (N, 3) are elsewhere than believed: (K, N, 3) each. 0 where the rig cannot be.
+
+        Of an isotropic sample without what turns both about the normal: nothing depends on that, and no mirror tells it.
+        """
         poses, ok = self._envelope.fit(self._kinematics.inverse(wi, wo, np.zeros(len(self._envelope.axes))))
         branch = (ok & np.isfinite(poses).all(-1)).argmax(1)
         pose = poses[np.arange(len(wi)), branch]
@@ -41,7 +45,12 @@ class Angles:
             d_light.append((ai - bi) / (2 * STEP))
             d_detector.append((ao - bo) / (2 * STEP))
         along = lambda d: np.einsum("pnx,pk->knx", np.array(d), self._ways) * reached[:, None]
-        return along(d_light), along(d_detector)
+        light, detector = along(d_light), along(d_detector)
+        if self.isotropic:
+            a, b = (np.stack([-w[:, 1], w[:, 0], 0 * w[:, 0]], -1) for w in (wi, wo))
+            turn = (light * a + detector * b).sum(-1) / np.maximum((a * a + b * b).sum(-1), 1e-12)
+            light, detector = light - turn[..., None] * a, detector - turn[..., None] * b
+        return light, detector
 
     def columns(
         self, value: Value, wi: Array, wo: Array, cosine: Callable[[Array, Array], Array]

@@ -27,13 +27,14 @@ class Common:
     geometry: GeometryCalibration | None
     hours: float
     referenced: bool
+    isotropic: bool = True
     _parts: list[tuple[str, Callable[[Array, Array, Array], Array]]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         if (r := self.radiometry) is not None:
             self._parts.extend(self._of_radiometry(r))
         if self.geometry is not None and self.geometry.parameters:
-            angles = Angles(self.config, self.geometry)
+            angles = Angles(self.config, self.geometry, self.isotropic)
             both = lambda wi, wo, f: angles.columns(self.value, wi, wo, self._cosine)
             self._parts.append(("angles", lambda wi, wo, f: np.add(*both(wi, wo, f))))
         a = self.config.acceptance

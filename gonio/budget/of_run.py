@@ -34,6 +34,7 @@ def budget_of(folder: Path) -> Budget:
         GeometryCalibration.model_validate(kept["geometry"]) if "geometry" in kept else None,
         hours,
         config.material.plan.reference_every > 0,
+        config.material.symmetry == "isotropic",
     )
 
     def band_errors(theta_i: float) -> Array | None:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from gonio.config.rig import RigConfig
     from gonio.daemon.rig_owner import RigOwner
 
+WEAK = np.radians(0.2)  # a geometry known no better than this is hardly one
 Ask = Callable[[str], object]  # what the operator has to put into the sample's place
 
 
@@ -64,6 +65,7 @@ def geometry_by_mirror(owner: "RigOwner", folder: Path, wedge_deg: float, ask: A
     lines = [
         f"geometry  a direction is known to {np.degrees(fit.directions_sigma):.3f} degrees; {len(session.observations)} peaks "
         f"agree to {np.degrees(fit.rms):.3f}, {len(held)} held out to {np.degrees(session.held_out_rms):.3f}",
+        *(["warning  that is little: see what was not told"] if fit.directions_sigma > WEAK else []),
         *(f"not told  {line}" for line in _not_told(session)),
         f"file  {path}: name it in the rig's YAML as calibration.geometry",
     ]
@@ -228,17 +230,21 @@ def _mirror(owner: "RigOwner", wedge_deg: float):
 
 def _not_told(session: "Session") -> list[str]:
     """What a mirror cannot tell, and what would."""
-    untold, lines = session.untold, []
-    turning = [n for n in untold if session.only_turns(n)]
-    for name in turning:
-        lines.append(
-            f"the zero of {name.split('.')[1]}: a mark on the sample would, as `light` in a CSV of what was seen"
-        )
-    rest = [n for n in untold if n not in turning]
-    if rest:
-        kinds = sorted({n.rsplit(".", 1)[0] for n in rest})
-        few = ", ".join(kinds[:6]) + (" ..." if len(kinds) > 6 else "")
+    harmless = [n for n in session.untold if session.only_turns(n)]
+    lines = [
+        f"the zero of {n.split('.')[1]}: a mark on the sample would, as `light` in a CSV of what was seen"
+        for n in harmless
+        if n.startswith("offset.")
+    ]
+    kinds = sorted({n.rsplit(".", 1)[0] if n.count(".") > 1 else n for n in session.untold if n not in harmless})
+    few = ", ".join(kinds[:6]) + (" ..." if len(kinds) > 6 else "")
+    if kinds and session.fit.directions_sigma <= WEAK:
         lines.append(f"{few}: each alone; what they do to directions together is told")
-    if not session.parameters.mirrors:
-        lines.append("how both arms err alike, and the detector's azimuth on its way round: --wedge 15 would")
+    elif kinds:
+        wedge = (
+            "the mirror on a wedge would, --wedge 15"
+            if not session.parameters.mirrors
+            else "wider limits of the axes would"
+        )
+        lines.append(f"{few}: {wedge}")
     return lines

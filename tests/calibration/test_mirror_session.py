@@ -205,3 +205,12 @@ def test_by_the_command_line(tmp_path, monkeypatch, few):
     found = load_calibration(file, GeometryCalibration)
     assert rms_deg(truth(WRONG), kinematics_of(WRONG, found)) < 0.05
     assert len(found.covariance) == len(found.parameters)
+
+
+def test_a_flat_mirror_alone_says_what_it_does_not_tell(tmp_path, monkeypatch, few):
+    """Arms that err against each other look right to it while the detector's azimuth is 0."""
+    monkeypatch.chdir(tmp_path)
+    call = ["calibrate", "geometry", "--mirror", "--rig", "sim", "--wedge", "0"]
+    done = CliRunner().invoke(app, call, catch_exceptions=False)
+    assert "warning  that is little" in done.output and "--wedge 15" in done.output
+    assert done.output.count("the zero of turntable") == 1
