@@ -29,7 +29,8 @@ def geometry(fit: Fit, observations: list[Observation], held_out: Array) -> Figu
     if len(held_out):
         figure.suptitle(
             f"{len(observations)} peaks, {np.degrees(fit.rms):.4f}° left; {len(held_out)} held out, "
-            f"{np.degrees(np.sqrt(np.mean(held_out**2))):.4f}°; a direction is known to {np.degrees(fit.directions_sigma):.3f}°"
+            f"{np.degrees(np.sqrt(np.mean(held_out**2))):.4f}°; a direction is known to "
+            f"{np.degrees(fit.directions_sigma):.3f}°"
         )
     return figure
 

@@ -1,7 +1,7 @@
 """Whether a calibrated rig can be believed: what must hold of any matt sample, and of one whose f is known.
 
-Each check measures by the rig's own `visit`, as a run does; its figure is a share of f, its limit holds where noise does
-not hide it.
+Each check measures by the rig's own `visit`, as a run does; its figure is a share of f, its limit holds where noise
+does not hide it.
 """
 
 from collections.abc import Callable
@@ -47,7 +47,8 @@ class Check:
 def verify(
     rig: StagedRig, certificate: Certificate | None, wait: Callable[[], None] | None, say: Callable[[str], None]
 ) -> list[Check]:
-    """All checks on the sample that lies there. wait() lets the time pass after which the first are repeated, None = not."""
+    """All checks on the sample that lies there. wait() lets the time pass after which the first are repeated, None =
+    not."""
     m = _Measuring(rig)
     say("repeatability")
     first = m.of(*_repeated())

@@ -9,7 +9,8 @@ NEAREST = 4
 
 
 class Standard:
-    """f (N, C) at pairs wi, wo (N, 3); isotropic: what counts are the two angles from the normal, and the one between."""
+    """f (N, C) at pairs wi, wo (N, 3); isotropic: what counts are the two angles from the normal, and the one
+    between."""
 
     def __init__(self, wi: Array, wo: Array, f: Array, channels: int):
         self.at, self.f = _place(wi, wo), np.broadcast_to(f, (len(f), channels))

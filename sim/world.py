@@ -2,9 +2,10 @@
 
 Geometry: the joint stands where the encoder says, less offset and eccentricity e1 sin(q + a) + e2 sin(2 q + b); axes
 are tilted; arms turn about centres that lie, in the lab, beside the sample's axes; the sample lies tilted and too high:
-directions are those of points at `arm_mm`. Signal: beams that look beside the sample lose light; light and detector polarised to a degree p,
-each across its arm, change the signal by 1 + p^2 cos 2 psi, psi the angle between the two; the lamp drifts, and stray
-light comes with it; the dark signal follows the room; ranges differ, and the amplifier is not linear.
+directions are those of points at `arm_mm`. Signal: beams that look beside the sample lose light; light and detector
+polarised to a degree p, each across its arm, change the signal by 1 + p^2 cos 2 psi, psi the angle between the two; the
+lamp drifts, and stray light comes with it; the dark signal follows the room; ranges differ, and the amplifier is not
+linear.
 """
 
 import datetime as dt

@@ -179,7 +179,8 @@ def random_poses(config: RigConfig, n: int, rng: np.random.Generator) -> Array:
 
 
 def apart(a: Kinematics, b: Kinematics, poses: Array) -> Array:
-    """Angles between the directions that two rigs show, where both are above the horizon, after the turn about the normal that serves best."""
+    """Angles between the directions that two rigs show, where both are above the horizon, after the turn about the
+    normal that serves best."""
     (ai, ao), (bi, bo) = a.forward(poses), b.forward(poses)
     first, second = np.concatenate([ai, ao]), np.concatenate([bi, bo])
     up = (first[:, 2] > 0) & (second[:, 2] > 0)

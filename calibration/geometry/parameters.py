@@ -33,8 +33,8 @@ ARMS = ("light", "detector")
 class Parameters:
     """Names, priors and meaning of a vector p (P,) for one rig and mirrors that do not lie as the sample does.
 
-    mirrors: normals (3,) of the latter in the sample's frame, about as expected; each has two parameters. held: kinds of
-    parameters that are taken to be as drawn.
+    mirrors: normals (3,) of the latter in the sample's frame, about as expected; each has two parameters. held: kinds
+    of parameters that are taken to be as drawn.
     """
 
     def __init__(self, config: RigConfig, mirrors: tuple[Array, ...] = (), held: tuple[str, ...] = ()):

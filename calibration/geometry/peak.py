@@ -123,7 +123,8 @@ def _confirm_alone(look: Look, peak: Peak) -> None:
             there = far * peak.width * np.array([np.cos(angle), np.sin(angle)])
             if look(peak.centre + there)[1] > SECOND * peak.signal:
                 raise NoPeak(
-                    f"two peaks, {np.degrees(np.hypot(*there)):.1f} degrees apart: the mirror is cracked, or two lie there"
+                    f"two peaks, {np.degrees(np.hypot(*there)):.1f} degrees apart: "
+                    "the mirror is cracked, or two lie there"
                 )
 
 

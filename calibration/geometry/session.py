@@ -1,6 +1,7 @@
 """A rig calibrates itself by a flat mirror: it looks for the peak where that tells most, until nothing more is told."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -80,8 +81,8 @@ class Session:
         worst = max(self.fit.excess, self.held_out_rms / (2 * max(expected, USUAL)))
         if worst > NOISE:
             raise CalibrationMissing(
-                f"geometry: no rig explains the peaks: they miss it by {np.degrees(self.fit.rms):.2f} degrees, held-out ones "
-                f"by {np.degrees(self.held_out_rms):.2f}; {slipped(self.observations, self.fit)}"
+                f"geometry: no rig explains the peaks: they miss it by {np.degrees(self.fit.rms):.2f} degrees, "
+                f"held-out ones by {np.degrees(self.held_out_rms):.2f}; {slipped(self.observations, self.fit)}"
             )
 
     @property
@@ -108,7 +109,7 @@ class Session:
         at = candidates(self.fit, known, mirror, 400, rng)
         if not len(at.poses):
             raise CalibrationMissing(
-                f"geometry: rig {self.config.name} cannot reach any pose at which a mirror throws the light into its detector"
+                f"geometry: rig {self.config.name} reaches no pose at which a mirror throws the light into its detector"
             )
         return at
 
@@ -131,8 +132,9 @@ class Session:
             k = left.pop(int(np.argmin(seconds)))
             first = found + n == 0
             radius = FIRST if first else self._radius(at, k)
+            find = partial(find_peak, radius=radius, alone=first)
             try:
-                seen.append(looking.observe(at.poses[k], at.down[k], lambda look: find_peak(look, radius, alone=first)))
+                seen.append(looking.observe(at.poses[k], at.down[k], find))
             except OutOfReach:
                 continue
             except NoPeak as e:

@@ -6,15 +6,17 @@ f, or f1, f2, ... one a channel, in 1/sr; `u` is the relative standard uncertain
 """
 
 import csv
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from gonio.geometry import Array, from_angles
+from gonio.geometry import Array, from_angles, unit
 from gonio.rig.errors import CalibrationMissing
 
 ANGLES = ("theta_i_deg", "theta_o_deg", "phi_deg")
+NEAR = np.radians(2.0)  # of an angle of a certificate: whoever cannot show it shows one beside
 HIGHEST = 1.5  # f of anything white, 1/sr: a number above it is a reflectance factor or a percentage
 
 
@@ -44,6 +46,26 @@ class Certificate:
     @property
     def unused(self) -> Array:
         return np.setdiff1d(np.arange(len(self.f)), self.used)
+
+
+def within_reach(certificate: Certificate, reachable: Callable[[Array, Array], Array]) -> tuple[Certificate, Array]:
+    """The certificate with directions moved by up to NEAR where a rig cannot show them as they are, and which rows (N,)
+    it can show then. An arm whose axes are not square looks past the normal by as much: of white that is no matter."""
+    wi, wo = certificate.wi.copy(), certificate.wo.copy()
+    ok = np.asarray(reachable(wi, wo)).copy()
+    turn = 2 * np.pi * np.arange(8) / 8
+    for r in np.linspace(0, NEAR, 5)[1:]:
+        aside = r * np.stack([np.cos(turn), np.sin(turn), 0 * turn], -1)
+        for k in np.flatnonzero(~ok):
+            moved_i, moved_o = unit(certificate.wi[k] + aside), unit(certificate.wo[k] + aside)
+            for a, b in (
+                (np.broadcast_to(wi[k], moved_o.shape), moved_o),
+                (moved_i, np.broadcast_to(wo[k], moved_i.shape)),
+            ):
+                if (found := np.flatnonzero(reachable(a, b))).size:
+                    wi[k], wo[k], ok[k] = a[found[0]], b[found[0]], True
+                    break
+    return Certificate(wi, wo, certificate.f, certificate.u), ok
 
 
 def read_certificate(path: Path, u: float) -> Certificate:

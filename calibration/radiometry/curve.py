@@ -20,7 +20,8 @@ BEND, RATIO = 0.2, 0.1  # priors
 
 @dataclass(frozen=True)
 class Point:
-    """Mean of n readings at one level, exposure and choice of ranges: value, sigma (C,) of the mean, scatter (C,) of one."""
+    """Mean of n readings at one level, exposure and choice of ranges: value, sigma (C,) of the mean, scatter (C,) of
+    one."""
 
     level: int
     seconds: float
@@ -35,8 +36,8 @@ class Point:
 
 @dataclass(frozen=True)
 class Curve:
-    """ratios (R,), the lowest 1; linearity x; levels (L,), b (C,), drift, each with its sigma; off: misses in relation to
-    the signal (N, C), rms of their sigmas."""
+    """ratios (R,), the lowest 1; linearity x; levels (L,), b (C,), drift, each with its sigma; off: misses in relation
+    to the signal (N, C), rms of their sigmas."""
 
     ratios: Array
     ratios_sigma: Array
@@ -52,8 +53,8 @@ class Curve:
 
 
 def fit_curve(points: Sequence[Point], dark: Array, ranges: int, drift: tuple[float, float]) -> Curve:
-    """dark (2, C): signal at no exposure, and a second; drift: of the lamp, relative in a second, and its sigma, as known
-    before. Ranges that no point reached stay at 1 +- RATIO."""
+    """dark (2, C): signal at no exposure, and a second; drift: of the lamp, relative in a second, and its sigma, as
+    known before. Ranges that no point reached stay at 1 +- RATIO."""
     from scipy.optimize import least_squares
 
     level = np.array([p.level for p in points])
@@ -107,8 +108,8 @@ def fit_curve(points: Sequence[Point], dark: Array, ranges: int, drift: tuple[fl
 
 
 def photon_transfer(points: Sequence[Point], dark: Array, unit_s: float) -> tuple[float, float]:
-    """Shot noise (relative, of a signal of 1) and read noise of one reading, by the scatter of readings against their mean:
-    variance = read^2 + shot^2 light, weighted least squares (Janesick 2007)."""
+    """Shot noise (relative, of a signal of 1) and read noise of one reading, by the scatter of readings against their
+    mean: variance = read^2 + shot^2 light, weighted least squares (Janesick 2007)."""
     light = np.concatenate([np.maximum(p.value - dark[0] - dark[1] * p.seconds, 0) for p in points if p.n >= 8])
     variance = np.concatenate([p.scatter**2 for p in points if p.n >= 8])
     steps = np.concatenate([np.full(len(p.value), float(p.n - 1)) for p in points if p.n >= 8])

@@ -1,11 +1,11 @@
-"""A rig calibrates its detector by itself: darks, photon transfer, linearity, gain from a reference, stray from a trap."""
+"""A rig calibrates its detector by itself: darks, photon transfer, linearity, gain by a reference, stray by a trap."""
 
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from calibration.radiometry.certificate import Certificate
+from calibration.radiometry.certificate import Certificate, within_reach
 from calibration.radiometry.curve import Curve, Point, fit_curve, photon_transfer
 from calibration.radiometry.stability import Stability, stability
 from calibration.stamp import stamp
@@ -44,7 +44,7 @@ class Session:
             self._channels_match(rig)
             rig.light.off()
             self.dark, self.dark_points = self._darks(rig)
-            reach = rig.reachable(self.certificate.wi, self.certificate.wo)
+            self.certificate, reach = within_reach(self.certificate, rig.reachable)
             self.used = [k for k in self.certificate.used.tolist() if reach[k]]
             if not self.used:
                 raise CalibrationMissing(f"radiometry: no angle of the certificate is in rig {rig.config.name}'s reach")
@@ -63,7 +63,8 @@ class Session:
             rig.light.off()
 
     def measure_trap(self, rig: StagedRig) -> None:
-        """Stray light: what the detector sees of the lit lamp where there is nothing to see. A black trap lies there now."""
+        """Stray light: what the detector sees of the lit lamp where there is nothing to see. A black trap lies there
+        now."""
         known, e = self._radiometry(rig), rig.config.exposure_s
         seen, noise = [], []
         try:
@@ -104,8 +105,8 @@ class Session:
         spread = float((gains.std(0) / gain).max()) if len(gains) > 1 else 0.0
         if spread > max(0.05, 4 * float(u.mean())):
             raise CalibrationMissing(
-                f"radiometry: the gain differs by {spread:.0%} from angle to angle; calibrate the geometry first, or is it "
-                "another reference than its table's?"
+                f"radiometry: the gain differs by {spread:.0%} from angle to angle; calibrate the geometry first, "
+                "or is it another reference than its table's?"
             )
         random = np.sqrt(np.mean(sigmas**2, 0) / len(gains))
         shot, read = photon_transfer(self.points + self.dark_points, self.dark, rig.config.exposure_s)

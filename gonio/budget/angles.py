@@ -32,7 +32,8 @@ class Angles:
     def shifts(self, wi: Array, wo: Array) -> tuple[Array, Array]:
         """By how much directions (N, 3) are elsewhere than believed: (K, N, 3) each. 0 where the rig cannot be.
 
-        Of an isotropic sample without what turns both about the normal: nothing depends on that, and no mirror tells it.
+        Of an isotropic sample without what turns both about the normal: nothing depends on that, and no mirror tells
+        it.
         """
         poses, ok = self._envelope.fit(self._kinematics.inverse(wi, wo, np.zeros(len(self._envelope.axes))))
         branch = (ok & np.isfinite(poses).all(-1)).argmax(1)

@@ -23,8 +23,8 @@ class Reflectance:
 
 
 class Budget:
-    """brdf knows `std` and `interval` of its own: the random part, and what was not looked at. band_errors(theta_i): the
-    relative random error (C,) of a reflectance, None where nothing was drawn."""
+    """brdf knows `std` and `interval` of its own: the random part, and what was not looked at. band_errors(theta_i):
+    the relative random error (C,) of a reflectance, None where nothing was drawn."""
 
     def __init__(self, brdf: Any, common: Common, band_errors=None):
         self.brdf, self.common, self._band_errors = brdf, common, band_errors

@@ -63,8 +63,9 @@ def geometry_by_mirror(owner: "RigOwner", folder: Path, wedge_deg: float, ask: A
     held = misses_of(session.held_out, fit)
     pictures.save(pictures.geometry(fit, session.observations, held), path.with_suffix(".png"))
     lines = [
-        f"geometry  a direction is known to {np.degrees(fit.directions_sigma):.3f} degrees; {len(session.observations)} peaks "
-        f"agree to {np.degrees(fit.rms):.3f}, {len(held)} held out to {np.degrees(session.held_out_rms):.3f}",
+        f"geometry  a direction is known to {np.degrees(fit.directions_sigma):.3f} degrees; "
+        f"{len(session.observations)} peaks agree to {np.degrees(fit.rms):.3f}, "
+        f"{len(held)} held out to {np.degrees(session.held_out_rms):.3f}",
         *(["warning  that is little: see what was not told"] if fit.directions_sigma > WEAK else []),
         *(f"not told  {line}" for line in _not_told(session)),
         f"file  {path}: name it in the rig's YAML as calibration.geometry",
@@ -119,7 +120,8 @@ def radiometry_by_reference(
         ratios = ", ".join(f"{r:.4f}" for r in found.range_ratios[1:])
         lines += [
             f"ranges  {ratios} of the lowest; {found.curve_rms:.2%} are left over four decades",
-            f"lamp    {found.drift_per_h:+.2%} ± {found.drift_per_h_sigma:.2%} an hour, warm after {found.warm_up_s:.0f} s",
+            f"lamp    {found.drift_per_h:+.2%} ± {found.drift_per_h_sigma:.2%} an hour, "
+            f"warm after {found.warm_up_s:.0f} s",
             f"noise   shot {found.shot_noise:.2g}, read {found.read_noise:.2g}{_noise_differs(owner, found)}",
         ]
     if found.stray:
@@ -153,7 +155,8 @@ def everything(
     after: float,
     again: bool,
 ) -> bool:
-    """Geometry, radiometry, verify, each with what was found before; whether verify holds. Goes on where it was left."""
+    """Geometry, radiometry, verify, each with what was found before; whether verify holds. Goes on where it was
+    left."""
     from gonio.commands.calibrated import Calibrated
     from gonio.daemon.rig_owner import RigOwner
 

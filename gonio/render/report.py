@@ -188,7 +188,7 @@ def _uncertainty(budget: dict | None, material: Material) -> str:
         for row in budget["dhr"]
     }
     rows |= {"not in it": "; ".join(budget["left_out"])} if budget["left_out"] else {}
-    text = "Relative standard uncertainty (k = 1), median over pairs; parts that all readings have in common are the same for all."
+    text = "Relative standard uncertainty (k = 1), median over pairs; all but the first are common to all readings."
     return _section("Uncertainty budget", figures.budget(budget["relative"]), text) + _table(
         "Reflectance, with u (k = 1)", rows
     )

@@ -29,11 +29,11 @@ class Dated(Section):
 class GeometryCalibration(Dated):
     """How a rig differs from its drawing; what is not given is as drawn.
 
-    offsets_deg: encoder angle at each joint's zero. axes: (3,) of joints that are not as nominal. eccentricity_deg: of an
-    encoder, sine and cosine of one turn and of two (`kinematics/encoders.py`). backlash_deg: beyond the axis's own.
+    offsets_deg: encoder angle at each joint's zero. axes: (3,) of joints that are not as nominal. eccentricity_deg: of
+    an encoder, sine and cosine of one turn and of two (`kinematics/encoders.py`). backlash_deg: beyond the axis's own.
     centres: how far the centres of the `light`'s and the `detector`'s arm lie beside the sample's axes, in the lab, and
-    height: of the sample above them, in arm lengths. lie_deg: rotation vector about x and y from the drawn normal to the
-    sample's. parameters, covariance: all of this as fitted, in radians and arm lengths, for `gonio budget`.
+    height: of the sample above them, in arm lengths. lie_deg: rotation vector about x and y from the drawn normal to
+    the sample's. parameters, covariance: all of this as fitted, in radians and arm lengths, for `gonio budget`.
     """
 
     kind: Literal["geometry"] = "geometry"

@@ -43,7 +43,8 @@ def made_for(kind: str, config: RigConfig) -> str:
 
 
 def stale(config: RigConfig) -> dict[str, str]:
-    """Kind -> why its calibration is not to be believed. Raises CalibrationMissing where a file is missing or damaged."""
+    """Kind -> why its calibration is not to be believed. Raises CalibrationMissing where a file is missing or
+    damaged."""
     found = {}
     for kind, model in KINDS.items():
         name = getattr(config.calibration, kind)
@@ -58,7 +59,8 @@ def refuse_stale(config: RigConfig) -> None:
     """Raises CalibrationMissing that says which, why, and the command; unless the rig allows it."""
     for kind, why in ({} if config.calibration.allow_stale else stale(config)).items():
         raise CalibrationMissing(
-            f"{why}; make it anew with `gonio calibrate {MAKE[kind]} --rig ...`, or measure all the same with --allow-stale"
+            f"{why}; make it anew with `gonio calibrate {MAKE[kind]} --rig ...`, "
+            "or measure all the same with --allow-stale"
         )
 
 

@@ -108,7 +108,8 @@ def export_run(folder: Path, format: str, out: Path | None = None) -> Path:
 
 
 def _shared(folder: Path, brdf):
-    """Relative uncertainty (N, C) at pairs that all readings of a run have in common; None of a rig never calibrated."""
+    """Relative uncertainty (N, C) at pairs that all readings of a run have in common; None of a rig never
+    calibrated."""
     from gonio.budget import budget_of
 
     if brdf is None:

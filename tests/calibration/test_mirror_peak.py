@@ -61,7 +61,7 @@ def test_what_is_no_peak_is_named(look, what):
 
 def test_a_cracked_mirror_has_two():
     look, _ = looking(np.radians([[0.0, 0.0], [2.6, 0.4]]))
-    with pytest.raises(NoPeak, match="two peaks, 2.5 degrees apart"):
+    with pytest.raises(NoPeak, match=r"two peaks, 2\.5 degrees apart"):
         find_peak(look, np.radians(4), alone=True)
     assert np.hypot(*find_peak(look, np.radians(4)).centre) < np.radians(0.01)  # who does not ask is not told
 

@@ -1,4 +1,5 @@
-"""A detector that is wrong in everything calibrates itself: curve, ranges, drift, gain, stray; bad references are named."""
+"""A detector that is wrong in everything calibrates itself: curve, ranges, drift, gain, stray; bad references are
+named."""
 
 import numpy as np
 import pytest
@@ -127,7 +128,7 @@ def test_a_reference_by_its_table(tmp_path):
     np.testing.assert_allclose(found.gain, np.pi / config.exposure_s * true.hidden.gain * true.through, rtol=5e-3)
     assert len(session.angles) == 5
     flat = Certificate(certificate.wi, certificate.wo, np.full_like(certificate.f, 0.31), certificate.u)
-    with pytest.raises(CalibrationMissing, match="the gain differs by .* from angle to angle"):
+    with pytest.raises(CalibrationMissing, match=r"the gain differs by .* from angle to angle"):
         calibrated(config, flat, lies)
 
 
@@ -147,6 +148,16 @@ def test_a_table_with_a_hole(tmp_path, extra, what):
     (tmp_path / "c.csv").write_text("theta_i_deg,theta_o_deg,f\n")
     with pytest.raises(CalibrationMissing, match="no column phi_deg"):
         read_certificate(tmp_path / "c.csv", 0.002)
+
+
+def test_a_rig_that_looks_past_the_normal_takes_the_angle_beside():
+    """Axes out of square leave a hole about the normal; 45/0 is shown as 45/0.7."""
+    from calibration.radiometry.certificate import within_reach
+
+    hole = lambda wi, wo: (wo[:, 2] < np.cos(np.radians(0.6))) & (wi[:, 2] < np.cos(np.radians(0.6)))
+    moved, ok = within_reach(Certificate.of_one(45, 0, F, 0.0), hole)
+    assert ok.all() and 0.5 < np.degrees(np.arccos(moved.wo[0, 2])) < 1.5
+    assert not within_reach(Certificate.of_one(45, 0, F, 0.0), lambda wi, wo: wo[:, 2] < 0.9)[1].any()
 
 
 def test_what_is_wrong_is_said():

@@ -32,7 +32,8 @@ def hidden(rig: RigConfig, seed: int) -> RigConfig:
 
 
 def calibrated(rig: RigConfig, seed: int, u: float, folder: Path) -> tuple[RigConfig, dict[str, Any]]:
-    """The rig with its calibrations, and figures; their files go to the folder. u: of the reference, relative (k = 1)."""
+    """The rig with its calibrations, and figures; their files go to the folder. u: of the reference, relative (k =
+    1)."""
     true = TrueRig(rig, len(WHITE))
     began = []
     a = np.radians(WEDGE)

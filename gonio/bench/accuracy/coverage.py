@@ -4,9 +4,9 @@
 
 For each seed a rig is drawn whose errors nobody is told (`world`), and a reference whose true f differs from its
 certificate by what that says (k = 1). Mirror and reference calibrate it; then it measures materials. Written down: how
-often truth lies within the intervals of 68, 95 and 99 % of f by stratum, of reflectance (DHR), and within 3 sigma of each
-calibrated parameter; beside it the interval score (Gneiting & Raftery 2007), so that wide bars do not win. A rig is a
-cell of its own, kept in `cells/`: a study that was killed goes on.
+often truth lies within the intervals of 68, 95 and 99 % of f by stratum, of reflectance (DHR), and within 3 sigma of
+each calibrated parameter; beside it the interval score (Gneiting & Raftery 2007), so that wide bars do not win. A rig
+is a cell of its own, kept in `cells/`: a study that was killed goes on.
 """
 
 import json
@@ -37,8 +37,8 @@ LEVELS = (0.68, 0.95, 0.99)
 
 
 class Config(Section):
-    """rig: one with a `world`, whose seed is replaced by each of `seeds`; the first `runs` of them measure each material,
-    measurements each. certificate_u: of the reference, relative. perfect: rig to compare with."""
+    """rig: one with a `world`, whose seed is replaced by each of `seeds`; the first `runs` of them measure each
+    material, measurements each. certificate_u: of the reference, relative. perfect: rig to compare with."""
 
     study: Literal["coverage"]
     rig: str = "uncalibrated"
@@ -154,7 +154,8 @@ def _calibrations(rows: list[dict[str, Any]], say: Callable[[str], None]) -> Non
     say("")
     say(
         f"directions: rms {np.sqrt(np.mean(each('rms') ** 2)):.4f} deg (median {np.median(each('rms')):.4f}), worst "
-        f"{each('worst').max():.3f}; before {np.sqrt(np.mean(each('before_rms') ** 2)):.2f}, worst {each('before_worst').max():.2f}"
+        f"{each('worst').max():.3f}; before {np.sqrt(np.mean(each('before_rms') ** 2)):.2f}, "
+        f"worst {each('before_worst').max():.2f}"
     )
     z = np.abs(np.concatenate([each("z").ravel(), *(r["radiometry"]["z"] for r in rows)]))
     say(f"parameters within 1, 2, 3 sigma: {_shares(z, (1, 2, 3))} of {z.size}")
@@ -163,7 +164,8 @@ def _calibrations(rows: list[dict[str, Any]], say: Callable[[str], None]) -> Non
     standard = np.array([r["radiometry"]["standard"] for r in rows])
     say(f"standard at other angles, 0-60 deg: rms median {np.median(standard):.2%}, worst {standard.max():.2%}")
     say(
-        f"rig time of the calibration: median {np.median([r['rig_minutes'] for r in rows]):.1f} min; solve {np.median([r['solve_s'] for r in rows]):.2f} s"
+        f"rig time of the calibration: median {np.median([r['rig_minutes'] for r in rows]):.1f} min; "
+        f"solve {np.median([r['solve_s'] for r in rows]):.2f} s"
     )
 
 
@@ -180,7 +182,8 @@ def _material(name: str, found: list[dict[str, Any]], say: Callable[[str], None]
     )
     z = np.abs(np.concatenate([r["dhr_z"] for r in found]))
     say(
-        f"  DHR: u median {np.median([r['dhr_u'] for r in found]):.4f}; within 1, 1.96, 2.58 u: {_shares(z, (1, 1.96, 2.58))}"
+        f"  DHR: u median {np.median([r['dhr_u'] for r in found]):.4f}; "
+        f"within 1, 1.96, 2.58 u: {_shares(z, (1, 1.96, 2.58))}"
     )
 
 

@@ -12,7 +12,8 @@ PI = np.pi
 
 
 def log_vmf(cos_t: Array, kappa: float) -> Array:
-    """log of the density at the cosine cos_t about the mean direction, solid angle; stable for kappa in 1e-3 ... 1e6."""
+    """log of the density at the cosine cos_t about the mean direction, solid angle; stable for kappa in 1e-3 ...
+    1e6."""
     return np.log(kappa / (2 * PI)) - np.log(-np.expm1(-2 * kappa)) + kappa * (np.asarray(cos_t) - 1)
 
 

@@ -4,9 +4,9 @@
 
 with S, L, D the rotations of the sample, the light and the detector, each a product of turns about axes fixed in the
 frame of the joint before (Rodrigues); cl, cd how far the centres about which the arms turn lie beside the sample's
-axes, h the sample's height above them along its normal z, all in arm lengths: 0 where all axes meet in the sample. The inverse starts from the closed form most like the rig and refines it by
-damped least squares (Levenberg 1944), where the damping fades with the residual; it is how a calibrated rig, whose axes
-are a little tilted, is driven.
+axes, h the sample's height above them along its normal z, all in arm lengths: 0 where all axes meet in the sample. The
+inverse starts from the closed form most like the rig and refines it by damped least squares (Levenberg 1944), where the
+damping fades with the residual; it is how a calibrated rig, whose axes are a little tilted, is driven.
 """
 
 from collections.abc import Sequence

@@ -13,7 +13,8 @@ ROUNDS = 60  # of the fixed point; each gains as many digits as the harmonics ar
 
 
 class Encoders:
-    """A kinematics in the encoders' angles. offset (A,) rad; eccentric (A, 4) rad: s1, c1, s2, c2, each well below 1."""
+    """A kinematics in the encoders' angles. offset (A,) rad; eccentric (A, 4) rad: s1, c1, s2, c2, each well below
+    1."""
 
     def __init__(self, joints: Kinematics, offset: Array, eccentric: Array | None = None):
         self.joints, self.offset = joints, offset
