@@ -94,6 +94,7 @@ def radiometry_by_reference(
 ) -> Saved:
     """Radiometry from a reference, and a trap. Raises CalibrationMissing, SafetyStop, DeviceFault."""
     from calibration import pictures
+    from calibration.radiometry.certificate import within_reach
     from calibration.radiometry.reference import calibrate_at
     from calibration.radiometry.session import Session
     from gonio.rig.calibration import save_calibration
@@ -101,7 +102,8 @@ def radiometry_by_reference(
     ask("the white reference")
     if owner.config.detector == "camera":  # it has no ranges, and its frames have darks of their own
         rig = owner.as_is(_reference(owner, known), calibrated=False)
-        found = calibrate_at(rig, known.wi[:1], known.wo[:1], known.f[0])
+        near, _ = within_reach(known.part(np.arange(1)), rig.reachable)
+        found = calibrate_at(rig, near.wi, near.wo, near.f[0])
         path = save_calibration(found, folder)
     else:
         session = Session(known, _saying(), 60 * minutes)
