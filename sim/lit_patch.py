@@ -10,6 +10,7 @@ from gonio.rig.build import envelope_of, geometry_calibration, view_of
 from gonio.rig.clock import Clock
 from gonio.rig.kinematics.base import Kinematics
 from gonio.rig.signal.view import View, rotation_of
+from sim.board_on_plate import BoardOnPlate
 from sim.camera import SimFrames
 from sim.light import SimLight
 from sim.sample import Sample
@@ -61,6 +62,9 @@ class LitPatch:
         rate = np.zeros(max(c.channels) + 1)
         rate[list(c.channels)] = np.pi * c.sensor.white_per_s * max(wi[2], 0.0) * f
         x, y = np.moveaxis(self.view.on_sample(at), -1, 0)
+        if isinstance(board := self.sample.truth, BoardOnPlate):
+            shown = board.texture(x, y, c.distance_mm / 1000 / c.focal_px)
+            return np.nan_to_num(shown)[..., None] * rate
         lit = np.hypot(x, y) <= c.lit_mm / 2000  # NaN, past the horizon, is not lit
         return lit[..., None] * rate
 

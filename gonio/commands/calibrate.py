@@ -49,10 +49,18 @@ def camera(
     take: Annotated[
         Path | None, typer.Option(help="take this picture now, lamp on, and add its pose to --poses [poses.csv]")
     ] = None,
+    drive: Annotated[
+        int | None,
+        typer.Option(min=8, max=200, help="the rig takes so many pictures itself, into --views; the board lies there"),
+    ] = None,
+    views_to: Annotated[Path, typer.Option("--views", help="folder of the pictures that --drive takes")] = Path(
+        "views"
+    ),
+    yes: Yes = False,
     dark: Annotated[bool, typer.Option("--dark", help="measure dark frames and bad pixels; the lamp goes off")] = False,
     flat: Annotated[bool, typer.Option("--flat", help="measure the flat frame; a diffuser is before the lens")] = False,
 ) -> None:
-    """The camera: optics from pictures of a ChArUco board, with --poses its mount; or --take, --dark, --flat."""
+    """The camera: optics by pictures of a ChArUco board, with --poses its mount; or --drive, --take, --dark, --flat."""
     from calibration.board import Board, board_image, contradiction, find_corners, recognised
     from calibration.camera import calibrate_camera, read_views
     from calibration.mount import calibrate_mount, read_poses
@@ -82,8 +90,15 @@ def camera(
     if dark or flat:
         _frames(rig, out, flat)
         return
+    if drive is not None:
+        from gonio.commands.calibrating import views_by_driving
+
+        with _owner(rig) as owner:
+            views, poses = views_by_driving(owner, made, drive, views_to, _ask(owner, yes))
     if not views:
-        raise ConfigError("name pictures of the board (--board FILE.png makes one to print), or --take, --dark, --flat")
+        raise ConfigError(
+            "name pictures of the board (--board FILE.png makes one to print), or --drive, --take, --dark, --flat"
+        )
     config = rig_config(rig)
     pictures = read_views(views)
     seen_board = recognised(pictures, made)

@@ -10,6 +10,7 @@ import numpy as np
 import typer
 
 if TYPE_CHECKING:
+    from calibration.board import Board
     from calibration.geometry.session import Session
     from calibration.radiometry.certificate import Certificate
     from gonio.config.rig import RigConfig
@@ -133,6 +134,17 @@ def radiometry_by_reference(
     return Saved(path, "\n".join(lines))
 
 
+def views_by_driving(owner: "RigOwner", board: "Board", count: int, folder: Path, ask: Ask) -> tuple[list[Path], Path]:
+    """Pictures of a board taken by the rig's own camera at poses that tell most, and the table of these poses.
+
+    Raises CalibrationMissing, SafetyStop, DeviceFault.
+    """
+    from calibration.board_views import take_views
+
+    ask("the board, in the sample's middle, its face up")
+    return take_views(owner.as_is(_board(owner, board), calibrated=False), board, count, folder, _saying())
+
+
 def verified(owner: "RigOwner", known: "Certificate | None", ask: Ask, minutes: float) -> tuple[str, bool]:
     """The verdict and a line for each check; whether all that were made hold."""
     from calibration.verify import verdict, verify
@@ -213,6 +225,16 @@ def _reference(owner: "RigOwner", known: "Certificate"):
 
     channels = known.f.shape[1] if known.f.shape[1] > 1 else owner.config.channels or 3
     return Standard(known.wi, known.wo, known.f, channels)
+
+
+def _board(owner: "RigOwner", board: "Board"):
+    """What lies on a simulated rig when a board is asked for; None on a real one."""
+    if owner.config.depth == "real":
+        return None
+    from calibration.board import board_image
+    from sim.board_on_plate import BoardOnPlate
+
+    return BoardOnPlate(board_image(board, 60), board.across * board.square, owner.config.channels or 3)
 
 
 def _black(owner: "RigOwner", channels: int):

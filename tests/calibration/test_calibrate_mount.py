@@ -104,6 +104,28 @@ def test_from_views_to_a_right_reading(tmp_path, monkeypatch):
     assert blind > 0.02 and abs(measured(known) * np.pi - 1) < 0.01
 
 
+def test_the_rig_takes_the_views_by_itself(tmp_path, monkeypatch):
+    """One command: where the camera looks is found, and a reading comes out right; no picture is written over."""
+    monkeypatch.chdir(tmp_path)
+    path, config = write(tmp_path / "bumped.yaml", rig())
+    true = astray(view_of(config), AIM, SHIFT)
+    size = ["--square-mm", 8, "--marker-mm", 6]
+    said = run("calibrate", "camera", "--drive", 14, "--rig", path, *size)
+    assert "mount 0." in said and len(list((tmp_path / "views").glob("view*.png"))) == 14
+    found = load_calibration(next((tmp_path / "calibrations").glob("camera-*.yaml")), CameraCalibration)
+    got = view_of(config, None, found)
+    spots = np.array([[0.002, 0, 0], [0, 0.002, 0], [-0.002, -0.002, 0]])
+    for pose in looks(20, seed=9):
+        np.testing.assert_allclose(got.project(spots, pose), true.project(spots, pose), atol=1.0)
+    call = ["calibrate", "camera", "--drive", "14", "--rig", str(path)]
+    done = CliRunner().invoke(app, [*call, *map(str, size)])
+    assert "has views already; name another folder" in str(done.exception)
+    done = CliRunner().invoke(app, [*call, "--square-mm", "80", "--marker-mm", "60", "--views", "large"])
+    assert "print a smaller one" in str(done.exception) and not (tmp_path / "large").exists()
+    done = CliRunner().invoke(app, ["calibrate", "camera", "--drive", "14", "--rig", "sim"])
+    assert "takes no pictures" in str(done.exception)
+
+
 def test_a_view_is_taken_with_its_pose(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path, config = write(tmp_path / "eye.yaml", rig(lit_mm=20.0, width=120, height=90, focal_px=300))
