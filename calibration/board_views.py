@@ -39,7 +39,7 @@ def take_views(
         )
     chosen = _telling(poses, view, board, count)
     folder.mkdir(parents=True, exist_ok=True)
-    taken = []
+    taken: list[Path] = []
     while len(chosen):
         k = int(np.abs(chosen - rig.stage.pose()).max(1).argmin())
         at = rig.driver.go(chosen[k])

@@ -5,6 +5,7 @@ Lines begin with `ok`, `warn` or `FAIL`.
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from gonio.rig.build import camera_calibration, camera_frames, geometry_calibrat
 from gonio.rig.calibration import RadiometryCalibration, load_calibration
 from gonio.rig.clock import RealClock
 from gonio.rig.errors import CalibrationMissing, DeviceFault
+from gonio.rig.stale import stale
 
 READINGS = 16
 
@@ -189,6 +191,11 @@ def _levels(config: RigConfig, detector: Photodiode, light: SerialLight | None) 
 
 
 def _calibration(config: RigConfig) -> Iterator[str]:
+    with suppress(CalibrationMissing):  # what is missing is said below
+        for kind, why in stale(config).items():
+            yield f"FAIL {kind}: {why}"
+    files = config.calibration.model_copy(update={"allow_stale": True})
+    config = config.model_copy(update={"calibration": files})
     try:
         found = geometry_calibration(config)
         yield f"ok   geometry: {found.id}" if found else "warn geometry: as drawn; run `gonio calibrate geometry`"

@@ -124,7 +124,8 @@ def view_of(
 ) -> View:
     """What the camera on the detector arm sees; without a calibration of it, as drawn."""
     c = config.camera
-    chain, offset = chain_of(config, geometry), offset_of(config, geometry)
+    chain = chain_of(config, geometry)
+    encoders = Encoders(chain, offset_of(config, geometry), eccentricity_of(config, geometry))
     rest = chain.detector_rest
     drawn = np.array([[c.focal_px, 0, (c.width - 1) / 2], [0, c.focal_px, (c.height - 1) / 2], [0, 0, 1]])
     matrix, distortion = (np.array(camera.matrix), np.array(camera.distortion)) if camera else (drawn, np.zeros(5))
@@ -132,7 +133,7 @@ def view_of(
     turn, shift = facing(rest), np.array([0.0, 0.0, c.distance_mm / 1000])
     if camera is not None and camera.mount_rotation is not None and camera.mount_m is not None:
         turn, shift = rotation_of(np.array(camera.mount_rotation)), np.array(camera.mount_m)
-    return View(matrix, distortion, size, turn, shift, lambda pose: chain.arm(pose - offset))
+    return View(matrix, distortion, size, turn, shift, lambda pose: chain.arm(encoders.joint(pose)))
 
 
 def park_pose(config: RigConfig) -> Array:

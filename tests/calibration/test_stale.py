@@ -77,3 +77,13 @@ def test_acquire_check_and_resume(tmp_path, monkeypatch):
         text = db.execute("SELECT value FROM meta WHERE key = 'provenance'").fetchone()[0]
     assert "40 days old" in json.loads(text)["stale"]["radiometry"]
     assert "40 days old" in (tmp_path / "run" / "report.html").read_text()
+
+
+def test_doctor_names_what_has_expired(tmp_path):
+    from drivers.doctor import _calibration
+
+    path = saved(tmp_path, date=NOW - dt.timedelta(days=40))
+    lines = list(_calibration(rig_with(path, max_age_days=30.0)))
+    assert [line for line in lines if line.startswith("FAIL")] == [
+        f"FAIL radiometry: {path}: 40 days old, the rig allows 30"
+    ]

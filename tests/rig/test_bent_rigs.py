@@ -106,3 +106,21 @@ def test_backlash_adds_up_and_is_never_negative():
     axes = {n: a.model_copy(update={"backlash_deg": 0.3}) for n, a in SIM.axes.items()}
     config = SIM.model_copy(update={"axes": axes})
     np.testing.assert_allclose(np.degrees(backlash_of(config, BENT)), [0.5, 0.3, 0.3, 0.3])
+
+
+def test_a_cameras_arm_turns_with_eccentric_encoders():
+    from gonio.rig.build import view_of
+
+    q = np.radians([0.0, 30.0, 40.0, 50.0])
+    spot = np.array([[0.003, 0.001, 0.0]])
+    straight = BENT.model_copy(update={"eccentricity_deg": {}})
+    moved = view_of(SIM, BENT).project(spot, q) - view_of(SIM, straight).project(spot, q)
+    assert np.abs(moved).max() > 0.01
+    joint = Encoders(
+        Gantry(), np.zeros(4), np.radians([BENT.eccentricity_deg.get(n, (0.0,) * 4) for n in SIM.axis_names])
+    )
+    e = q - np.radians([1.0, 1.5, -2.0, 0.7])
+    there = joint.joint(e) + np.radians([1.0, 1.5, -2.0, 0.7])
+    np.testing.assert_allclose(
+        view_of(SIM, BENT).project(spot, q), view_of(SIM, straight).project(spot, there), atol=1e-9
+    )
