@@ -7,13 +7,13 @@ R, t the mount, B, b where the board lies, both unknown: twelve numbers, by leas
 need not lie in the sample's middle, nor flat.
 """
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from calibration.board import Corners
+from calibration.rows import number, read_rows
 from gonio.config.rig import RigConfig
 from gonio.geometry import Array
 from gonio.rig.build import geometry_calibration, view_of
@@ -80,16 +80,7 @@ def read_poses(path: Path, config: RigConfig) -> dict[str, Array]:
     Raises CalibrationMissing that names file, line and column.
     """
     angles = [f"{name}_deg" for name in config.axis_names]
-    try:
-        rows = csv.DictReader(path.read_text(encoding="utf-8").splitlines())
-    except (OSError, UnicodeDecodeError) as e:
-        raise CalibrationMissing(f"{path}: cannot be read as text ({type(e).__name__}); give a CSV file") from None
-    if missing := [c for c in ("view", *angles) if c not in (rows.fieldnames or ())]:
-        raise CalibrationMissing(f"{path}:1: no column {missing[0]}; name view, {', '.join(angles)}")
-    found = {}
-    for row in rows:
-        try:
-            found[Path(row["view"]).name] = np.radians([float(row[c]) for c in angles])
-        except (TypeError, ValueError):
-            raise CalibrationMissing(f"{path}:{rows.line_num}: an angle is no number; give degrees") from None
-    return found
+    return {
+        Path(row["view"] or "").name: np.radians([number(row, c, where, "give degrees") for c in angles])
+        for where, row in read_rows(path, ("view", *angles), f"view, {', '.join(angles)}")
+    }

@@ -20,6 +20,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.rows import number, read_rows
 from gonio.atomic import write_text
 from gonio.config.rig import RigConfig
 from gonio.geometry import Array, unit
@@ -59,43 +60,27 @@ def write_observations(path: Path, observations: Sequence[Observation], config: 
 
 def read_observations(path: Path, config: RigConfig) -> list[Observation]:
     """The observations of a CSV file. Raises CalibrationMissing that names file, line and column."""
-    angles = [f"{name}_deg" for name in config.axis_names]
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as e:
-        raise CalibrationMissing(f"{path}: cannot be read as text ({type(e).__name__}); give a CSV file") from None
-    rows = csv.DictReader(text.splitlines())
-    if missing := [c for c in ("kind", *angles) if c not in (rows.fieldnames or ())]:
-        raise CalibrationMissing(f"{path}:1: no column {missing[0]}; name kind, {', '.join(angles)}, x, y, z")
-    return [_observation(row, config, f"{path}:{rows.line_num}") for row in rows]
+    needed = ["kind", *(f"{name}_deg" for name in config.axis_names)]
+    rows = read_rows(path, needed, f"{', '.join(needed)}, x, y, z")
+    return [_observation(row, config, where) for where, row in rows]
 
 
 def _observation(row: dict[str, str], config: RigConfig, where: str) -> Observation:
     kind = row["kind"]
     if kind not in KINDS:
         raise CalibrationMissing(f"{where}: kind is {kind!r}; it must be one of {', '.join(KINDS)}")
-    pose = np.radians([_number(row, f"{name}_deg", where) for name in config.axis_names])
+    pose = np.radians([number(row, f"{name}_deg", where) for name in config.axis_names])
     names = (row.get("down") or "").split()
     if unknown := [n for n in names if n not in config.axis_names]:
         raise CalibrationMissing(f"{where}: down names {unknown[0]!r}; axes are {', '.join(config.axis_names)}")
     down = np.array([n in names for n in config.axis_names])
-    sigma = np.radians(_number(row, "sigma_deg", where)) if row.get("sigma_deg") else None
+    sigma = np.radians(number(row, "sigma_deg", where)) if row.get("sigma_deg") else None
     if sigma is not None and not sigma > 0:
         raise CalibrationMissing(f"{where}: sigma_deg is {row['sigma_deg']}; give one above 0")
     if kind == "mirror":
-        mirror = _number(row, "mirror", where) if row.get("mirror") else 0.0
+        mirror = number(row, "mirror", where) if row.get("mirror") else 0.0
         if mirror not in range(10):
             raise CalibrationMissing(f"{where}: mirror is {row['mirror']}; number them from 0 to 9")
         return Observation("mirror", pose, None, sigma, down, int(mirror))
-    direction = unit(np.array([_number(row, column, where) for column in "xyz"]))
+    direction = unit(np.array([number(row, column, where) for column in "xyz"]))
     return Observation("detector" if kind == "detector" else "light", pose, direction, sigma, down)
-
-
-def _number(row: dict[str, str], column: str, where: str) -> float:
-    try:
-        value = float(row.get(column) or "")
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise CalibrationMissing(f"{where}: {column} is {row.get(column)!r}; give a number")
-    return value

@@ -5,16 +5,17 @@ As a table: CSV with columns theta_i_deg, theta_o_deg, phi_deg (between the two 
 f, or f1, f2, ... one a channel, in 1/sr; `u` is the relative standard uncertainty (k = 1) of a row.
 """
 
-import csv
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from calibration.rows import number, read_rows
 from gonio.geometry import Array, from_angles, unit
 from gonio.rig.errors import CalibrationMissing
 
+HOLE = "fill the hole or leave out the row"
 ANGLES = ("theta_i_deg", "theta_o_deg", "phi_deg")
 NEAR = np.radians(2.0)  # of an angle of a certificate: whoever cannot show it shows one beside
 HIGHEST = 1.5  # f of anything white, 1/sr: a number above it is a reflectance factor or a percentage
@@ -70,21 +71,14 @@ def within_reach(certificate: Certificate, reachable: Callable[[Array, Array], A
 
 def read_certificate(path: Path, u: float) -> Certificate:
     """The table of a CSV file; u where a row says none. Raises CalibrationMissing that names file, line and column."""
-    try:
-        rows = csv.DictReader(path.read_text(encoding="utf-8").splitlines())
-    except (OSError, UnicodeDecodeError) as e:
-        raise CalibrationMissing(f"{path}: cannot be read as text ({type(e).__name__}); give a CSV file") from None
-    names = tuple(rows.fieldnames or ())
-    values = tuple(n for n in names if n == "f" or (n[:1] == "f" and n[1:].isdigit()))
-    if missing := [c for c in ANGLES if c not in names]:
-        raise CalibrationMissing(f"{path}:1: no column {missing[0]}; name {', '.join(ANGLES)} and f (or f1, f2, ...)")
-    if not values:
-        raise CalibrationMissing(f"{path}:1: no column f; give f, or f1, f2, ... one a channel, in 1/sr")
     table, unsure = [], []
-    for row in rows:
-        where = f"{path}:{rows.line_num}"
-        table.append([_number(row, c, where) for c in (*ANGLES, *values)])
-        unsure.append(_number(row, "u", where) if row.get("u") else u)
+    values: tuple[str, ...] = ()
+    for where, row in read_rows(path, ANGLES, f"{', '.join(ANGLES)} and f (or f1, f2, ...)"):
+        values = values or tuple(n for n in row if n and (n == "f" or (n[:1] == "f" and n[1:].isdigit())))
+        if not values:
+            raise CalibrationMissing(f"{path}:1: no column f; give f, or f1, f2, ... one a channel, in 1/sr")
+        table.append([number(row, c, where, HOLE) for c in (*ANGLES, *values)])
+        unsure.append(number(row, "u", where, HOLE) if row.get("u") else u)
         if not (0 <= table[-1][0] < 90 and 0 <= table[-1][1] < 90):
             raise CalibrationMissing(f"{where}: an angle from the normal lies outside 0 ... 90 degrees")
         if not all(0 < v < HIGHEST for v in table[-1][3:]):
@@ -96,13 +90,3 @@ def read_certificate(path: Path, u: float) -> Certificate:
     t = np.array(table)
     theta_i, theta_o, phi = np.radians(t[:, :3]).T
     return Certificate(from_angles(theta_i, 0.0), from_angles(theta_o, phi), t[:, 3:], np.array(unsure))
-
-
-def _number(row: dict[str, str], column: str, where: str) -> float:
-    try:
-        value = float(row.get(column) or "")
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise CalibrationMissing(f"{where}: {column} is {row.get(column)!r}; fill the hole or leave out the row")
-    return value
