@@ -214,3 +214,15 @@ def test_a_flat_mirror_alone_says_what_it_does_not_tell(tmp_path, monkeypatch, f
     done = CliRunner().invoke(app, call, catch_exceptions=False)
     assert "warning  that is little" in done.output and "--wedge 15" in done.output
     assert done.output.count("the zero of turntable") == 1
+
+
+def test_a_mirror_too_bright_at_the_faintest_is_said(tmp_path, monkeypatch, few):
+    monkeypatch.chdir(tmp_path)
+    call = ["calibrate", "geometry", "--mirror", "--rig"]
+    import yaml
+
+    text = yaml.safe_load(find_config("uncalibrated", "rigs").read_text())
+    text["photodiode"] |= {"full_scale": 0.05, "ranges": 1}
+    (tmp_path / "bright.yaml").write_text(yaml.safe_dump(text))
+    done = CliRunner().invoke(app, [*call, "bright.yaml"])
+    assert "saturates the detector at its faintest; put a filter" in str(done.exception)

@@ -181,3 +181,14 @@ def test_what_is_wrong_is_said():
 )
 def test_bad_calls(call, what):
     assert what in str(CliRunner().invoke(app, call).exception)
+
+
+def test_a_detector_that_saturates_is_said():
+    """Every reading above its highest range: no curve is made of what is left."""
+    config = wrong(1)
+    small = config.model_copy(
+        update={"photodiode": config.photodiode.model_copy(update={"full_scale": 1e-4, "ranges": 1})}
+    )
+    small = RigConfig.model_validate({**small.model_dump(), "world": {**STRAIGHT}})
+    with pytest.raises(CalibrationMissing, match="saturates the detector; put a filter"):
+        calibrated(small, minutes=0.1)
