@@ -93,8 +93,8 @@ def measure_reference(
     return calibrate_at(rig, wi, wo, reference_f)
 
 
-def calibrate_at(rig: StagedRig, wi: Array, wo: Array, reference_f: Array) -> RadiometryCalibration:
-    """As `measure_reference`, at a pair (1, 3), (1, 3)."""
+def calibrate_at(rig: StagedRig, wi: Array, wo: Array, reference_f: Array, u: float = 0.0) -> RadiometryCalibration:
+    """As `measure_reference`, at a pair (1, 3), (1, 3); u: relative standard uncertainty of the reference."""
     if not rig.reachable(wi, wo)[0]:
         theta = np.degrees(np.arctan2(np.hypot(*np.array([wi[0], wo[0]]).T[:2]), [wi[0, 2], wo[0, 2]]))
         raise CalibrationMissing(
@@ -104,4 +104,7 @@ def calibrate_at(rig: StagedRig, wi: Array, wo: Array, reference_f: Array) -> Ra
     rig.announce(-(1 << 41))
     dark, white = take_readings(rig.detector, rig.light, rig.config.exposure_s)
     cosine = rig.radiometry.cosine(wi_0, wo_0)
-    return calibrate_radiometry(dark, white, reference_f, cosine, rig.config.name, rig.simulated, rig.config.detector)
+    args = reference_f, cosine, rig.config.name, rig.simulated, rig.config.detector
+    found = calibrate_radiometry(dark, white, *args)
+    sigma = np.hypot(found.gain_sigma, u * np.array(found.gain))
+    return found.model_copy(update={"gain_sigma": tuple(sigma.tolist()), "certificate_u": u})

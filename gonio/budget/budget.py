@@ -29,6 +29,12 @@ class Budget:
     def __init__(self, brdf: Any, common: Common, band_errors=None):
         self.brdf, self.common, self._band_errors = brdf, common, band_errors
 
+    @property
+    def left_out(self) -> list[str]:
+        """What is not in it, and what would bring it in."""
+        unknown = "what the model misses, and noise: `gonio reconstruct --model auto` makes a BRDF that knows"
+        return [*([] if hasattr(self.brdf, "std") else [unknown]), *self.common.left_out]
+
     def std(self, wi: Array, wo: Array) -> Array:
         """Standard uncertainty of f (N, C) in 1/sr, random and common parts together."""
         f = self.brdf.eval(wi, wo)

@@ -61,7 +61,7 @@ def write_budget(folder: Path, budget: Budget, theta_i_deg: tuple[float, ...] | 
             }
             for r in (budget.reflectance(float(np.radians(t))) for t in theta_i_deg or THETA_I)
         ],
-        "left_out": budget.common.left_out,
+        "left_out": budget.left_out,
     }
     write_text(Path(folder) / "budget.json", json.dumps(found, indent=1))
     return found

@@ -104,7 +104,7 @@ def radiometry_by_reference(
     if owner.config.detector == "camera":  # it has no ranges, and its frames have darks of their own
         rig = owner.as_is(_reference(owner, known), calibrated=False)
         near, _ = within_reach(known.part(np.arange(1)), rig.reachable)
-        found = calibrate_at(rig, near.wi, near.wo, near.f[0])
+        found = calibrate_at(rig, near.wi, near.wo, near.f[0], float(near.u[0]))
         path = save_calibration(found, folder)
     else:
         session = Session(known, _saying(), 60 * minutes)
@@ -121,8 +121,9 @@ def radiometry_by_reference(
     lines = [f"radiometry  gain {gains}, linearity {found.linearity:+.2%}"]
     if found.range_ratios:
         ratios = ", ".join(f"{r:.4f}" for r in found.range_ratios[1:])
+        ranges = f"{ratios} of the lowest; " if ratios else "one; "
         lines += [
-            f"ranges  {ratios} of the lowest; {found.curve_rms:.2%} are left over four decades",
+            f"ranges  {ranges}{found.curve_rms:.2%} are left over all decades",
             f"lamp    {found.drift_per_h:+.2%} ± {found.drift_per_h_sigma:.2%} an hour, "
             f"warm after {found.warm_up_s:.0f} s",
             f"noise   shot {found.shot_noise:.2g}, read {found.read_noise:.2g}{_noise_differs(owner, found)}",

@@ -101,6 +101,7 @@ def test_by_the_command_line(tmp_path, monkeypatch, depth):
     found = load_calibration(file, RadiometryCalibration)
     config = load_config(ROOT / f"configs/rigs/{depth}.yaml", RigConfig)
     np.testing.assert_allclose(found.gain, nominal_radiometry(config, 3).gain, rtol=5e-3)
+    assert found.certificate_u == 0.005 and min(np.array(found.gain_sigma) / found.gain) >= 0.005
     config = config.model_copy(update={"calibration": CalibrationFiles(radiometry=str(file))})
     rig = open_rig(config, White(), 12)
     wi, wo = from_angles(np.full(20, 0.3), 0.0), from_angles(np.full(20, 0.9), np.linspace(1, 3, 20))

@@ -99,6 +99,7 @@ def test_poses_are_chosen_where_they_tell_most():
     assert at.down[chosen].any(0).sum() >= 3  # backlash is among what is open
 
 
+@pytest.mark.slow
 def test_an_axis_that_slipped_is_named():
     kinematics = truth(WRONG)
     seen = peaks(60, kinematics)
@@ -226,3 +227,32 @@ def test_a_mirror_too_bright_at_the_faintest_is_said(tmp_path, monkeypatch, few)
     (tmp_path / "bright.yaml").write_text(yaml.safe_dump(text))
     done = CliRunner().invoke(app, [*call, "bright.yaml"])
     assert "saturates the detector at its faintest; put a filter" in str(done.exception)
+
+
+@pytest.mark.slow
+def test_a_gimbal_finds_itself(few):
+    """Nothing in it knows a gantry: another geometry, whose light stands still."""
+    axis = {"lower_deg": -180, "upper_deg": 180}
+    axes = {"yaw": axis, "tilt": axis, "roll": axis, "detector": {"lower_deg": 10, "upper_deg": 170}}
+    config = RigConfig.model_validate(
+        {
+            "name": "g",
+            "depth": "devices",
+            "kinematics": {"kind": "gimbal"},
+            "axes": axes,
+            "park_deg": {"detector": 90},
+            "world": {"seed": 2},
+        }
+    )
+    session = Session(config, (WEDGE,))
+    for number, mirror in enumerate((Mirror(), Mirror.on_wedge(15))):
+        rig = open_rig(config, mirror, 0)
+        session.measure(rig, number)
+        rig.close()
+    poses = random_poses(config, 300, np.random.default_rng(0))
+    right = truth(config)
+    rms = [
+        np.degrees(np.sqrt(np.mean(apart(right, k, poses) ** 2)))
+        for k in (kinematics_of(config), session.fit.kinematics)
+    ]
+    assert rms[0] > 1 and rms[1] < 0.1

@@ -37,7 +37,7 @@ def rig_with(path, config=SIM, **limits):
     ("said", "limits", "what"),
     [
         ({"date": NOW - dt.timedelta(days=40)}, {"max_age_days": 30.0}, "40 days old, the rig allows 30"),
-        ({"date": NOW + dt.timedelta(days=2)}, {}, "48.0 hours ahead of this machine's clock; set the clock"),
+        ({"date": NOW + dt.timedelta(days=2)}, {}, "hours ahead of this machine's clock; set the clock"),
         ({"rig": "bench"}, {}, "made on rig bench, this is sim"),
         ({"made_for": "other"}, {}, "the rig's YAML was changed since"),
         ({"temperature_c": 20.0}, {"temperature_c": 27.0}, "made at 20 degrees C, the room is at 27"),

@@ -5,10 +5,10 @@ import pytest
 from scipy import stats
 from scipy.integrate import quad
 
+from gonio.brdf.models.spherical import log_vmf, log_vmf_between, sample_vmf
 from gonio.mcmc import diagnostics as d
 from gonio.mcmc.chain.boundary import reflect, wrap
 from gonio.mcmc.chain.draws import ROWS, Draws
-from gonio.mcmc.proposals.vmf import log_vmf, log_vmf_between, sample_vmf
 
 
 def test_rows_do_not_depend_on_how_they_are_asked_for():

@@ -125,9 +125,10 @@ def _measured(name: str, rig: RigConfig, config: Config, seed: int, folder: Path
     z = []
     expanded = []
     for theta, (at, outward, weight, _) in zip(THETA_I, directions()):
-        right = (weight[:, None] * truth.eval(at, outward) * outward[:, 2:]).sum(0)
+        w = weight[:, None] * outward[:, 2:]
+        ours, right = ((w * b.eval(at, outward)).sum(0) for b in (brdf, truth))  # the quadrature's own noise cancels
         r = budget.reflectance(float(theta))
-        z += ((r.value - right) / r.u).tolist()
+        z += ((ours / right - 1) * r.value / r.u).tolist()
         expanded += r.u.tolist()
     off = np.abs(brdf.eval(wi[flat], wo[flat]) - known[flat]) / size[flat]
     return {
