@@ -60,13 +60,9 @@ class Budget:
 
     def by_stratum(self, wi: Array, wo: Array) -> dict[str, dict[str, float]]:
         """Part -> stratum -> median of its relative standard uncertainty over pairs and channels; `all` among them."""
-        which, parts = strata(self.brdf, wi, wo), self.parts(wi, wo)
+        parts = self.parts(wi, wo)
         parts["combined"] = np.sqrt(sum(p**2 for p in parts.values()))
-        return {
-            name: {"all": float(np.median(p))}
-            | {s: float(np.median(p[which == k])) for k, s in enumerate(STRATA) if (which == k).any()}
-            for name, p in parts.items()
-        }
+        return medians(parts, self.brdf, wi, wo)
 
     def reflectance(self, theta_i: float) -> Reflectance:
         """DHR = integral of f cos(theta_o); draws of the BRDF's own density (Sobol), the common columns integrated with
@@ -90,6 +86,16 @@ class Budget:
         """The random part where no draws tell it: as if all errors were one, which is too much."""
         std = self.brdf.std(wi, wo) if hasattr(self.brdf, "std") else np.zeros((len(wi), self.brdf.channels))
         return np.asarray((weight * std).sum(0))
+
+
+def medians(parts: dict[str, Array], brdf: Any, wi: Array, wo: Array) -> dict[str, dict[str, float]]:
+    """Part -> stratum -> median of (N, C) values at pairs; `all` among them."""
+    which = strata(brdf, wi, wo)
+    return {
+        name: {"all": float(np.median(p))}
+        | {s: float(np.median(p[which == k])) for k, s in enumerate(STRATA) if (which == k).any()}
+        for name, p in parts.items()
+    }
 
 
 def nodes(n: int = 600) -> tuple[Array, Array]:

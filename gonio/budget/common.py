@@ -30,11 +30,14 @@ class Common:
     isotropic: bool = True
     _parts: list[tuple[str, Callable[[Array, Array, Array], Array]]] = field(default_factory=list)
 
+    _angles: list[Angles] = field(default_factory=list)
+
     def __post_init__(self) -> None:
         if (r := self.radiometry) is not None:
             self._parts.extend(self._of_radiometry(r))
         if self.geometry is not None and self.geometry.parameters:
             angles = Angles(self.config, self.geometry, self.isotropic)
+            self._angles.append(angles)
             both = lambda wi, wo, f: angles.columns(self.value, wi, wo, self._cosine)
             self._parts.append(("angles", lambda wi, wo, f: np.add(*both(wi, wo, f))))
         a = self.config.acceptance
@@ -76,6 +79,16 @@ class Common:
     def u(self, wi: Array, wo: Array) -> Array:
         """Relative standard uncertainty (N, C) of all common parts together."""
         return np.asarray(np.sqrt((self.all_columns(wi, wo) ** 2).sum(0)))
+
+    def of_angles(self, wi: Array, wo: Array) -> dict[str, Array]:
+        """What the part `angles` is made of, relative (N, C): the slope of f, and the cosine it is divided by. They go
+        together: their squares do not add up to its own."""
+        found = {}
+        for angles in self._angles:
+            slope, cosine = angles.columns(self.value, wi, wo, self._cosine)
+            found["angles x slope of f"] = np.sqrt((slope**2).sum(0))
+            found["angles x footprint"] = np.sqrt((np.broadcast_to(cosine, slope.shape) ** 2).sum(0))
+        return found
 
     def _of_radiometry(self, r: RadiometryCalibration):
         gain = np.array(r.gain)

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from gonio.atomic import write_text
-from gonio.budget.budget import Budget, nodes
+from gonio.budget.budget import Budget, medians, nodes
 from gonio.budget.common import Common
+from gonio.budget.readings import random_parts
 from gonio.geometry import Array
 from gonio.load import load_brdf
 from gonio.reconstruct.integrals import EDGES
@@ -61,7 +62,35 @@ def write_budget(folder: Path, budget: Budget, theta_i_deg: tuple[float, ...] | 
             }
             for r in (budget.reflectance(float(np.radians(t))) for t in theta_i_deg or THETA_I)
         ],
+        "of_angles": medians(budget.common.of_angles(wi, wo), budget.brdf, wi, wo),
+        "of_each_reading": _of_each_reading(folder, budget),
         "left_out": budget.left_out,
     }
     write_text(Path(folder) / "budget.json", json.dumps(found, indent=1))
     return found
+
+
+def _of_each_reading(folder: Path, budget: Budget) -> dict[str, dict[str, float]]:
+    """Medians of the random parts over the run's own readings; nothing of a camera, whose frames say it otherwise."""
+    config = read_config(folder).rig
+    if config.detector == "camera":
+        return {}
+    with Store.open(folder, write=False) as store:
+        m, raw = store.measured(), raw_by_id(store)
+    good = np.isfinite(m.f).all(1) & (m.f > 0).all(1) & np.array(["full_scale" in r for r in raw], bool)
+    if not good.any():
+        return {}
+    known = budget.common.radiometry
+    gain = np.full(m.f.shape[1], np.pi / config.exposure_s) if known is None else np.array(known.gain)
+    wi, wo = m.seen[good, :3], m.seen[good, 3:]
+    kept = [r for r, g in zip(raw, good) if g]
+    return medians(random_parts(kept, wi, wo, m.f[good], m.sigma[good], gain, config), budget.brdf, wi, wo)
+
+
+def raw_by_id(store: Store) -> list[dict]:
+    """What the detector said of each measurement, in the order of `Store.measured`."""
+    m, made = store.measured(), store.raw()
+    raw: list[dict] = [{}] * len(made)
+    for row, said in zip(np.lexsort((m.id, m.wall_s)), made):  # `Store.raw` has them as they were made
+        raw[row] = said
+    return raw

@@ -31,14 +31,9 @@ def budget(
     from rich.table import Table
 
     places = list(found["relative"]["combined"])
-    table = Table(title="relative standard uncertainty (k = 1), median, percent", title_justify="left")
-    table.add_column("part")
-    for place in places:
-        table.add_column(place, justify="right")
-    for part, values in found["relative"].items():
-        table.add_row(
-            part, *(f"{100 * values[p]:.3g}" if p in values else "" for p in places), end_section=part != "combined"
-        )
+    table = _table("relative standard uncertainty (k = 1), median, percent", found["relative"], places)
+    angles = _table("angles, of that", found["of_angles"], places)
+    readings = _table("of one reading: the random parts in reconstruction", found["of_each_reading"], places)
     dhr = Table(title="reflectance (DHR), with u (k = 1)", title_justify="left")
     dhr.add_column("θi")
     dhr.add_column("by channel")
@@ -46,7 +41,20 @@ def budget(
         each = "  ".join(f"{v:.4f} ± {u:.4f}" for v, u in zip(row["value"], row["u"]))
         dhr.add_row(f"{row['theta_i_deg']:g}°", each)
     console = Console(width=None if Console().is_terminal else 120)
-    console.print(table)
-    console.print(dhr)
+    for shown in (table, angles, readings, dhr):
+        if shown.row_count:
+            console.print(shown)
     for line in found["left_out"]:
         typer.echo(f"not in it  {line}")
+
+
+def _table(title: str, values: dict[str, dict[str, float]], places: list[str]):
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left")
+    table.add_column("part")
+    for place in places:
+        table.add_column(place, justify="right")
+    for part, row in values.items():
+        table.add_row(part, *(f"{100 * row[p]:.3g}" if p in row else "" for p in places))
+    return table

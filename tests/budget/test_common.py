@@ -205,3 +205,34 @@ def test_strata():
     wi = from_angles(theta, 0.0)
     wo = from_angles(np.radians([30.0, 40, 65, 10]), [np.pi, np.pi, 0.5, 0.0])
     assert [STRATA[k] for k in strata(GLOSS, wi, wo)] == ["peak", "flank", "floor", "grazing"]
+
+
+def test_the_parts_of_a_reading_are_its_sigma(tmp_path):
+    """Of a run: squares add up to what was stored, and each row has its own record, whatever the order of visits."""
+    from gonio.budget import budget_of, write_budget
+    from gonio.budget.of_run import raw_by_id
+    from gonio.budget.readings import random_parts
+    from gonio.config import Material
+    from gonio.run.products import make_brdf
+    from gonio.run.record.store import Store
+    from gonio.run.start import start
+
+    material = Material.model_validate(
+        {"name": "x", "truth": "analytic_gloss", "channels": 3, "budget": {"measurements": 60}}
+    )
+    run = start(material, SIM, tmp_path / "run")
+    run()
+    run.close()
+    with Store.open(tmp_path / "run", write=False) as store:
+        m, raw, made = store.measured(), raw_by_id(store), store.raw()
+    assert raw != made  # made in another order than asked for
+    gain = np.full(3, np.pi / SIM.exposure_s)
+    parts = random_parts(raw, m.seen[:, :3], m.seen[:, 3:], m.f, m.sigma, gain, SIM)
+    np.testing.assert_allclose(np.sqrt(sum(p**2 for p in parts.values())), m.sigma / m.f, rtol=1e-9)
+    from gonio.rig.build import kinematics_of
+
+    shown = kinematics_of(SIM).forward(np.array([r["pose_rad"] for r in raw]))
+    np.testing.assert_allclose(np.concatenate(shown, 1), m.seen, atol=1e-12)
+    make_brdf(tmp_path / "run")
+    found = write_budget(tmp_path / "run", budget_of(tmp_path / "run"))
+    assert set(found["of_each_reading"]) == {"repeatability", "dark", "quantisation"} and found["of_angles"] == {}
