@@ -53,6 +53,8 @@ class Parameters:
             "lie.y",
             *(f"mirror{j}.{k}" for j in range(1, len(mirrors) + 1) for k in "xy"),
         )
+        first = [name.split(".")[0] for name in self.names]
+        self._places = {kind: np.flatnonzero(np.array(first) == kind) for kind in first}
         kinds = [name.split(".")[0].rstrip("0123456789") for name in self.names]
         self.prior = np.array([HELD if kind in held else PRIOR[kind] for kind in kinds])
 
@@ -61,7 +63,7 @@ class Parameters:
 
     def of(self, p: Array, kind: str) -> Array:
         """The part of p whose names begin with `kind`."""
-        return p[[k for k, name in enumerate(self.names) if name.split(".")[0] == kind]]
+        return np.asarray(p[self._places[kind]])
 
     def fields(self, p: Array) -> dict:
         """What p means in a geometry calibration."""

@@ -141,7 +141,9 @@ class Session:
                 where = "  ".join(f"{a} {v:.1f}" for a, v in zip(self.config.axis_names, np.degrees(at.poses[k])))
                 raise CalibrationMissing(f"geometry: {e} (near {where} degrees, mirror {mirror})") from None
             n += 1
-            self.say(f"peak {len(self.observations) + len(self.held_out)}")
+            kind = "held out" if into is not None else f"at most {MOST}"
+            known = np.degrees(self.fit.directions_sigma)
+            self.say(f"mirror {mirror + 1}, peak {found + n} ({kind}); a direction is known to {known:.2g} degrees")
         if into is None and n:
             self.fit = fit_geometry(self.observations, self.parameters, self.fit.p)
             lie = np.hypot(*self.parameters.of(self.fit.p, "lie"))

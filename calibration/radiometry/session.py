@@ -1,5 +1,6 @@
 """A rig calibrates its detector by itself: darks, photon transfer, linearity, gain by a reference, stray by a trap."""
 
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -89,6 +90,13 @@ class Session:
             raise CalibrationMissing(f"radiometry: rig {rig.config.name} reaches no pose at which to look at the trap")
         self.stray = np.mean(seen, 0)
         self.stray_sigma = np.hypot(np.std(seen, 0), np.sqrt(np.mean(np.square(noise), 0) / len(seen)))
+
+    def record(self) -> str:
+        """All that was read so far, as JSON: for whoever wants to know what went wrong."""
+        plain = lambda x: x.tolist() if isinstance(x, np.ndarray) else x
+        points = [{k: plain(v) for k, v in vars(p).items()} for p in self.points]
+        angles = [{"row": k, "gain": plain(g), "sigma": plain(s), "cosine": float(c)} for k, g, s, c in self.angles]
+        return json.dumps({"points": points, "angles": angles, "stray": plain(self.stray)}, indent=1)
 
     def result(self, rig: StagedRig) -> RadiometryCalibration:
         """Raises CalibrationMissing where the readings are no curve, or the reference is not what its table says."""

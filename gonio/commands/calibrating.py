@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import typer
 
+from gonio.commands import laid_down
+
 if TYPE_CHECKING:
     from calibration.board import Board
     from calibration.geometry.session import Session
@@ -46,17 +48,15 @@ def geometry_by_mirror(owner: "RigOwner", folder: Path, wedge_deg: float, ask: A
     try:
         for number, what in enumerate(lie):
             ask(what)
-            session.measure(owner.as_is(_mirror(owner, wedge_deg * number), calibrated=False), number)
+            session.measure(owner.as_is(laid_down.mirror(owner.config, wedge_deg * number), calibrated=False), number)
         session.confirm()
     except CalibrationMissing as e:
-        if not session.observations:
-            raise
-        kept = folder / "geometry-refused.csv"  # nothing measured is lost
-        folder.mkdir(parents=True, exist_ok=True)
-        write_observations(kept, session.observations, config)
-        if not force or "no rig explains" not in str(e):
-            raise CalibrationMissing(f"{e}; peaks kept in {kept}") from None
+        if not (force and session.observations and "no rig explains" in str(e)):
+            raise CalibrationMissing(f"{e}{_kept(session, folder)}") from None
         typer.echo(f"warning  {e}", err=True)
+    except BaseException:
+        typer.echo(_kept(session, folder).removeprefix("; "), err=True)
+        raise
     fit = session.fit
     found = calibration_of(fit, config, config.depth != "real", session.held_out_rms)
     path = save_calibration(found, folder)
@@ -98,23 +98,32 @@ def radiometry_by_reference(
     from calibration.radiometry.certificate import within_reach
     from calibration.radiometry.reference import calibrate_at
     from calibration.radiometry.session import Session
+    from gonio.atomic import write_text
     from gonio.rig.calibration import save_calibration
 
     ask("the white reference")
     if owner.config.detector == "camera":  # it has no ranges, and its frames have darks of their own
-        rig = owner.as_is(_reference(owner, known), calibrated=False)
+        rig = owner.as_is(laid_down.reference(owner.config, known), calibrated=False)
         near, _ = within_reach(known.part(np.arange(1)), rig.reachable)
         found = calibrate_at(rig, near.wi, near.wo, near.f[0], float(near.u[0]))
         path = save_calibration(found, folder)
     else:
         session = Session(known, _saying(), 60 * minutes)
-        rig = owner.as_is(_reference(owner, known), calibrated=False)
-        session.measure_white(rig)
-        if trap:
-            ask("a black trap, or nothing at all over a dark hole")
-            rig = owner.as_is(_black(owner, rig.channels), calibrated=False)
-            session.measure_trap(rig)
-        found = session.result(rig)
+        rig = owner.as_is(laid_down.reference(owner.config, known), calibrated=False)
+        try:
+            session.measure_white(rig)
+            if trap:
+                ask("a black trap, or nothing at all over a dark hole")
+                rig = owner.as_is(laid_down.black(owner.config, rig.channels), calibrated=False)
+                session.measure_trap(rig)
+            found = session.result(rig)
+        except BaseException:
+            if session.points:
+                kept = folder / "radiometry-unfinished.json"
+                folder.mkdir(parents=True, exist_ok=True)
+                write_text(kept, session.record())
+                typer.echo(f"readings kept in {kept}", err=True)
+            raise
         path = save_calibration(found, folder)
         pictures.save(pictures.radiometry(session, found), path.with_suffix(".png"))
     gains = ", ".join(f"{g:.4g} ± {s:.1g}" for g, s in zip(found.gain, found.gain_sigma))
@@ -143,7 +152,9 @@ def views_by_driving(owner: "RigOwner", board: "Board", count: int, folder: Path
     from calibration.board_views import take_views
 
     ask("the board, in the sample's middle, its face up")
-    return take_views(owner.as_is(_board(owner, board), calibrated=False), board, count, folder, _saying())
+    return take_views(
+        owner.as_is(laid_down.board(owner.config, board), calibrated=False), board, count, folder, _saying()
+    )
 
 
 def verified(owner: "RigOwner", known: "Certificate | None", ask: Ask, minutes: float) -> tuple[str, bool]:
@@ -151,10 +162,15 @@ def verified(owner: "RigOwner", known: "Certificate | None", ask: Ask, minutes: 
     from calibration.verify import verdict, verify
 
     ask("the white reference, or another matt sample that is known")
-    reference = None if known is None else _reference(owner, known)
+    reference = None if known is None else laid_down.reference(owner.config, known)
     rig = owner.as_is(reference)
-    wait = (lambda: rig.clock.sleep(60 * minutes)) if minutes else None
-    checks = verify(rig, known, wait, _saying())
+    say = _saying()
+
+    def wait() -> None:
+        say(f"waiting {minutes:g} min for the repeat; the lamp stays on")
+        rig.clock.sleep(60 * minutes)
+
+    checks = verify(rig, known, wait if minutes else None, say)
     text = "\n".join([f"verdict  {verdict(checks)}", *(c.text for c in checks)])
     return text, all(c.passed is not False for c in checks)
 
@@ -185,7 +201,9 @@ def everything(
         typer.echo(f"geometry  done: {state.done['geometry']}")
     if "radiometry" not in state.done:
         with RigOwner(state.config) as owner:
-            saved = radiometry_by_reference(owner, folder, known, ask_of(owner), trap=True, minutes=minutes)
+            saved = radiometry_bylaid_down.reference(
+                owner.config, folder, known, ask_of(owner), trap=True, minutes=minutes
+            )
         typer.echo(saved.text)
         state.add("radiometry", saved.path)
     else:
@@ -213,47 +231,16 @@ def _noise_differs(owner: "RigOwner", found) -> str:
     return ""
 
 
-def _reference(owner: "RigOwner", known: "Certificate"):
-    """What lies on a simulated rig: the reference as certified; None on a real one."""
-    if owner.config.depth == "real":
-        return None
-    if len(known.f) == 1:
-        from gonio.brdf.models.lambert import Lambert
+def _kept(session: "Session", folder: Path) -> str:
+    """Peaks of a session that came to nothing, kept in a table; a phrase that says where, "" where there are none."""
+    from calibration.geometry.observations import write_observations
 
-        f = known.f[0]
-        return Lambert(np.pi * (np.repeat(f, owner.config.channels or 3) if len(f) == 1 else f))
-    from sim.standard import Standard
-
-    channels = known.f.shape[1] if known.f.shape[1] > 1 else owner.config.channels or 3
-    return Standard(known.wi, known.wo, known.f, channels)
-
-
-def _board(owner: "RigOwner", board: "Board"):
-    """What lies on a simulated rig when a board is asked for; None on a real one."""
-    if owner.config.depth == "real":
-        return None
-    from calibration.board import board_image
-    from sim.board_on_plate import BoardOnPlate
-
-    return BoardOnPlate(board_image(board, 60), board.across * board.square, owner.config.channels or 3)
-
-
-def _black(owner: "RigOwner", channels: int):
-    """What lies on a simulated rig when a trap is asked for; None on a real one."""
-    if owner.config.depth == "real":
-        return None
-    from gonio.brdf.models.lambert import Lambert
-
-    return Lambert(np.zeros(channels))
-
-
-def _mirror(owner: "RigOwner", wedge_deg: float):
-    """What lies on a simulated rig; None on a real one."""
-    if owner.config.depth == "real":
-        return None
-    from sim.mirror import Mirror
-
-    return Mirror.on_wedge(wedge_deg) if wedge_deg else Mirror()
+    if not session.observations:
+        return ""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "geometry-unfinished.csv"
+    write_observations(path, session.observations, session.config)
+    return f"; peaks kept in {path}"
 
 
 def _not_told(session: "Session") -> list[str]:

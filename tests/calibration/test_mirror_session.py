@@ -8,6 +8,7 @@ import calibration.geometry.session as session_module
 from calibration.geometry import Observation, Parameters, fit_geometry, read_observations
 from calibration.geometry.design import best, candidates
 from calibration.geometry.fit import Fit, apart, random_poses
+from calibration.geometry.looking import Looking
 from calibration.geometry.session import Session
 from calibration.geometry.slip import slipped
 from gonio.cli import app
@@ -134,7 +135,7 @@ def test_the_sample_lies_as_the_mirror_did_unless_boards_say_where_it_lies():
 )
 def test_what_is_wrong_is_one_line(tmp_path, monkeypatch, few, lies, what):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("gonio.commands.calibrating._mirror", lambda owner, wedge: lies)
+    monkeypatch.setattr("gonio.commands.laid_down.mirror", lambda config, wedge: lies)
     done = CliRunner().invoke(app, ["calibrate", "geometry", "--mirror", "--rig", "uncalibrated"])
     assert done.exit_code == 1 and isinstance(done.exception, CalibrationMissing)
     assert done.exception.exit_code == 5 and "\n" not in str(done.exception)
@@ -163,7 +164,7 @@ def test_a_slip_half_way_is_not_saved_but_by_force(tmp_path, monkeypatch, few):
     done = CliRunner().invoke(app, call)
     assert isinstance(done.exception, CalibrationMissing) and "peaks kept in" in str(done.exception)
     assert "no rig explains" in str(done.exception)
-    assert len(read_observations(tmp_path / "calibrations/geometry-refused.csv", WRONG)) > 20
+    assert len(read_observations(tmp_path / "calibrations/geometry-unfinished.csv", WRONG)) > 20
     assert not list(tmp_path.glob("calibrations/*.yaml"))
     opened.clear()
     done = CliRunner().invoke(app, [*call, "--force"], catch_exceptions=False)
@@ -256,3 +257,19 @@ def test_a_gimbal_finds_itself(few):
         for k in (kinematics_of(config), session.fit.kinematics)
     ]
     assert rms[0] > 1 and rms[1] < 0.1
+
+
+def test_peaks_found_before_a_ctrl_c_are_kept(tmp_path, monkeypatch, few):
+    monkeypatch.chdir(tmp_path)
+    observe, made = Looking.observe, []
+
+    def interrupted(self, *args):
+        if len(made) == 3:
+            raise KeyboardInterrupt
+        made.append(observe(self, *args))
+        return made[-1]
+
+    monkeypatch.setattr(Looking, "observe", interrupted)
+    done = CliRunner().invoke(app, ["calibrate", "geometry", "--mirror", "--rig", "uncalibrated"])
+    assert done.exit_code != 0
+    assert len(read_observations(tmp_path / "calibrations/geometry-unfinished.csv", WRONG)) == 3

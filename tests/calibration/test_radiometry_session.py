@@ -192,3 +192,19 @@ def test_a_detector_that_saturates_is_said():
     small = RigConfig.model_validate({**small.model_dump(), "world": {**STRAIGHT}})
     with pytest.raises(CalibrationMissing, match="saturates the detector; put a filter"):
         calibrated(small, minutes=0.1)
+
+
+def test_readings_before_a_fault_are_kept(tmp_path, monkeypatch):
+    import json
+
+    from gonio.rig.errors import DeviceFault
+
+    def pulled(self, *args):
+        raise DeviceFault("photodiode", "no reply", "check its cable")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Session, "_gain", pulled)
+    done = CliRunner().invoke(app, ["calibrate", "radiometry", "--rig", "sim", "--f", "0.31", "--stability", "0"])
+    assert isinstance(done.exception, DeviceFault) and not list(tmp_path.glob("calibrations/*.yaml"))
+    kept = json.loads((tmp_path / "calibrations/radiometry-unfinished.json").read_text())
+    assert len(kept["points"]) > 20 and kept["angles"] == []
