@@ -201,9 +201,7 @@ def everything(
         typer.echo(f"geometry  done: {state.done['geometry']}")
     if "radiometry" not in state.done:
         with RigOwner(state.config) as owner:
-            saved = radiometry_bylaid_down.reference(
-                owner.config, folder, known, ask_of(owner), trap=True, minutes=minutes
-            )
+            saved = radiometry_by_reference(owner, folder, known, ask_of(owner), trap=True, minutes=minutes)
         typer.echo(saved.text)
         state.add("radiometry", saved.path)
     else:
