@@ -18,7 +18,8 @@ from gonio.rig.errors import CalibrationMissing
 HOLE = "fill the hole or leave out the row"
 ANGLES = ("theta_i_deg", "theta_o_deg", "phi_deg")
 NEAR = np.radians(2.0)  # of an angle of a certificate: whoever cannot show it shows one beside
-HIGHEST = 1.5  # f of anything white, 1/sr: a number above it is a reflectance factor or a percentage
+# f of anything white, 1/sr, and away from grazing: a number above is a reflectance factor or a percentage
+HIGHEST, BRIGHTEST, STEEP = 1.5, 0.5, 60.0
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,10 @@ def read_certificate(path: Path, u: float) -> Certificate:
             raise CalibrationMissing(f"{where}: an angle from the normal lies outside 0 ... 90 degrees")
         if not all(0 < v < HIGHEST for v in table[-1][3:]):
             raise CalibrationMissing(f"{where}: f must lie between 0 and {HIGHEST:g} 1/sr; a white one is about 0.31")
+        if max(table[-1][:2]) < STEEP and max(table[-1][3:]) > BRIGHTEST:
+            raise CalibrationMissing(
+                f"{where}: f of {max(table[-1][3:]):g} 1/sr reflects more than falls on it; a reflectance is pi times f"
+            )
         if not 0 <= unsure[-1] < 1:
             raise CalibrationMissing(f"{where}: u is {unsure[-1]:g}; give a relative standard uncertainty below 1")
     if not table:

@@ -78,15 +78,18 @@ def certificate_of(
     f: list[float] | None, table: Path | None, u_percent: float, theta_i: float, theta_o: float
 ) -> "Certificate":
     """What was said of the reference. Raises ConfigError, CalibrationMissing."""
-    from calibration.radiometry.certificate import Certificate, read_certificate
+    from calibration.radiometry.certificate import BRIGHTEST, Certificate, read_certificate
     from gonio.config import ConfigError
 
     if bool(f) == (table is not None):
         raise ConfigError("give the reference's f: --f once a channel, or --table CSV, and not both")
     if table is not None:
         return read_certificate(table, u_percent / 100)
-    if not all(0 < v < 1.5 for v in f or ()):
-        raise ConfigError(f"--f {min(f or ()):g}: must lie between 0 and 1.5 1/sr; a white reference has about 0.31")
+    if wrong := [v for v in f or () if not 0 < v < BRIGHTEST]:
+        raise ConfigError(
+            f"--f {wrong[0]:g}: must lie between 0 and {BRIGHTEST:g} 1/sr; a white reference has about 0.31, "
+            "which is its reflectance over pi"
+        )
     return Certificate.of_one(theta_i, theta_o, np.array(f), u_percent / 100)
 
 

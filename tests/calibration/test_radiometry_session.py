@@ -137,6 +137,7 @@ def test_a_reference_by_its_table(tmp_path):
     [
         ("30,0,180,\n", r"c\.csv:5: f is ''; fill the hole"),
         ("30,0,180,31\n", r"c\.csv:5: f must lie between 0 and 1.5"),
+        ("30,0,180,0.98\n", r"c\.csv:5: f of 0.98 1/sr reflects more than falls on it"),
         ("95,0,180,0.3\n", r"c\.csv:5: an angle from the normal"),
         ("x,0,180,0.3\n", r"c\.csv:5: theta_i_deg is 'x'"),
     ],
@@ -174,7 +175,8 @@ def test_what_is_wrong_is_said():
     ("call", "what"),
     [
         (["calibrate", "radiometry"], "give the reference's f"),
-        (["calibrate", "radiometry", "--f", "31"], "--f 31: must lie between 0 and 1.5"),
+        (["calibrate", "radiometry", "--f", "31"], "--f 31: must lie between 0 and 0.5"),
+        (["calibrate", "radiometry", "--f", "0.98"], "about 0.31, which is its reflectance over pi"),
         (["calibrate", "verify", "--f", "0.3", "--table", "x.csv"], "and not both"),
         (["calibrate", "all", "--table", "none.csv"], "none.csv: cannot be read"),
     ],
