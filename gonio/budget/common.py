@@ -64,6 +64,7 @@ class Common:
             lines.append("angles: `gonio calibrate geometry --mirror`, and its file in the rig's YAML")
         elif not self.geometry.parameters:
             lines.append("angles: this calibration has no covariance; make it anew with `gonio calibrate geometry`")
+        lines.append("polarisation of lamp and detector: nothing here measures it")
         return lines
 
     def columns(self, wi: Array, wo: Array) -> Mapping[str, Array]:
