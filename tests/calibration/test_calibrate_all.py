@@ -88,6 +88,7 @@ def test_a_shorter_one_through_the_real_drivers(tmp_path, few, monkeypatch):
     assert "certificate" in gonio("budget", "run").output
 
 
+@pytest.mark.slow
 def test_a_budget_of_what_was_never_calibrated_says_so(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert gonio("acquire", "analytic_gloss", "--set", "budget.measurements=30", "--out", "run").exit_code == 0
