@@ -12,7 +12,7 @@ from gonio.rig.errors import CalibrationMissing
 def read_rows(path: Path, needed: Sequence[str], all_of_them: str) -> Iterator[tuple[str, dict[str, str]]]:
     """("file:line", row) of each. Raises CalibrationMissing for no text, or a column of `needed` that is not there."""
     try:
-        rows = csv.DictReader(path.read_text(encoding="utf-8").splitlines())
+        rows = csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines())
     except (OSError, UnicodeDecodeError) as e:
         raise CalibrationMissing(f"{path}: cannot be read as text ({type(e).__name__}); give a CSV file") from None
     if missing := [c for c in needed if c not in (rows.fieldnames or ())]:

@@ -14,6 +14,7 @@ from gonio.geometry import Array, from_angles
 from gonio.rig.staged import StagedRig
 
 LIMIT = 0.01  # of f
+VAGUE = 3.0  # times a limit: who is no surer than this cannot tell
 REPEATS = 6  # measurements of one pair
 PAIRS, TURNS, DIRECTIONS = 12, 12, 48
 ENERGY_AT = (20.0, 45.0, 65.0)  # degrees
@@ -31,11 +32,17 @@ class Check:
 
     @property
     def passed(self) -> bool | None:
-        """None: not made."""
-        return None if not np.isfinite(self.value) else bool(self.value <= self.limit + self.unsure)
+        """None: not made, or too unsure to tell."""
+        if not np.isfinite(self.value) or (self.unsure > VAGUE * self.limit and self.value <= self.limit + self.unsure):
+            return None
+        return bool(self.value <= self.limit + self.unsure)
 
     @property
     def text(self) -> str:
+        if self.passed is None and np.isfinite(self.value):
+            return (
+                f"{self.name:12} cannot tell  {self.value:.2%} ± {self.unsure:.2%}, limit {self.limit:.1%}  {self.why}"
+            )
         if self.passed is None:
             return f"{self.name:12} not made: {self.why}"
         word = "holds" if self.passed else "FAILS"
@@ -69,7 +76,9 @@ def verdict(checks: list[Check]) -> str:
     if failed:
         return f"not to be trusted: {', '.join(failed)} " + ("fails" if len(failed) == 1 else "fail")
     made = len(checks) - len(left)
-    return f"all {made} checks made hold" + (f"; not made: {', '.join(left)}" if left else "")
+    if not made:
+        return "nothing could be checked: see why, or give it wider limits"
+    return f"all {made} checks made hold" + (f"; not told: {', '.join(left)}" if left else "")
 
 
 class _Measuring:

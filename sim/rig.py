@@ -49,7 +49,7 @@ def open_sim(
             wi, wo, share = true.seen(stage.true_pose())
         cosine = wi[2] if config.footprint == "overfilled" else wo[2]
         shown = np.pi * power * share * max(cosine, 0.0) * sample.eval(wi[None], wo[None])[0]
-        return shown if true is None else true.signal(shown, clock.now(), power > 0)
+        return shown if true is None else true.signal(shown, clock.now(), power)
 
     detector: Detector
     if config.detector == "camera":

@@ -126,10 +126,10 @@ class TrueRig:
         wi, wo = self._kinematics.forward(pose)
         return wi, wo, self.through * self._polarised(wi, wo)
 
-    def signal(self, light: Array, now: float, lit: bool) -> Array:
-        """What reaches the detector (C,) of the light that the sample sends, at a time in seconds."""
+    def signal(self, light: Array, now: float, power: float) -> Array:
+        """What reaches the detector (C,) of the light that the sample sends, at a time in seconds and a lamp's power."""
         h = self.hidden
-        return h.gain * (1 + h.drift * now) * (light + (h.stray if lit else 0.0))
+        return h.gain * (1 + h.drift * now) * (light + h.stray * power)
 
     def dark(self, nominal: float, now: float) -> float:
         """The dark signal beside the nominal one, at a time in seconds."""

@@ -80,6 +80,7 @@ def test_signal_errors():
     true = TrueRig(with_world(gain=(1.1,), drift_per_h=0.01, stray=1e-4, dark_per_k=0.05, nonlinearity=0.03), 1)
     light = np.array([0.5])
     assert true.signal(light, 3600.0, True) == pytest.approx(1.1 * 1.01 * 0.5001)
+    assert true.signal(light, 3600.0, 0.25) == pytest.approx(1.1 * 1.01 * 0.500025)  # stray light is the lamp's
     assert true.signal(light, 3600.0, False) == pytest.approx(1.1 * 1.01 * 0.5)
     assert true.dark(1e-3, ROOM_S / 4) == pytest.approx(1e-3 * 0.05 * 1.5)
     assert true.converted(light, np.array([0]), np.array([1.0])) == pytest.approx(0.5 * (1 + 0.03 * 0.5))

@@ -53,10 +53,14 @@ class Parameters:
             "lie.y",
             *(f"mirror{j}.{k}" for j in range(1, len(mirrors) + 1) for k in "xy"),
         )
+        # what is seen is the whole lag; a calibration says what it is beyond the axis's own
+        self._own_lag_deg = np.array([config.axes[a].backlash_deg for a in axes])
         first = [name.split(".")[0] for name in self.names]
         self._places = {kind: np.flatnonzero(np.array(first) == kind) for kind in first}
         kinds = [name.split(".")[0].rstrip("0123456789") for name in self.names]
         self.prior = np.array([HELD if kind in held else PRIOR[kind] for kind in kinds])
+        if "backlash" not in held:
+            self.prior[self._places["backlash"]] += np.radians(self._own_lag_deg)
 
     def __len__(self) -> int:
         return len(self.names)
@@ -73,7 +77,7 @@ class Parameters:
             "offsets_deg": dict(zip(axes, np.degrees(self.of(p, "offset")).tolist())),
             "axes": {n: tuple(unit(self.nominal[n] + t @ self._across[n]).tolist()) for n, t in zip(axes, tilts)},
             "eccentricity_deg": {n: tuple(w.tolist()) for n, w in zip(axes, waves)},
-            "backlash_deg": dict(zip(axes, np.degrees(np.maximum(self.of(p, "backlash"), 0)).tolist())),
+            "backlash_deg": dict(zip(axes, (np.degrees(self.of(p, "backlash")) - self._own_lag_deg).tolist())),
             "centres": {arm: tuple(c.tolist()) for arm, c in zip(ARMS, self.of(p, "centre").reshape(2, 3))},
             "height": float(self.of(p, "height")[0]),
             "lie_deg": tuple(np.degrees(self.of(p, "lie")).tolist()),
@@ -98,7 +102,7 @@ class Parameters:
             n = unit(np.array(geometry.axes.get(a, self.nominal[a]), float))
             p += (self._across[a] @ n / (self.nominal[a] @ n)).tolist()
         p += np.radians([geometry.eccentricity_deg.get(a, (0.0,) * 4) for a in axes]).ravel().tolist()
-        p += np.radians([geometry.backlash_deg.get(a, 0.0) for a in axes]).tolist()
+        p += np.radians(self._own_lag_deg + [geometry.backlash_deg.get(a, 0.0) for a in axes]).tolist()
         p += np.ravel([geometry.centres.get("light", (0,) * 3), geometry.centres.get("detector", (0,) * 3)]).tolist()
         p += [geometry.height, *np.radians(geometry.lie_deg).tolist(), *[0.0] * 2 * len(self.mirrors)]
         return np.array(p)

@@ -47,8 +47,8 @@ class Session:
         The lamp is off afterwards. Raises CalibrationMissing, SafetyStop, DeviceFault.
         """
         rng = np.random.default_rng([seed, mirror])
-        looking = Looking(rig, NUMBERS - 1000 * mirror)
         try:
+            looking = Looking(rig, NUMBERS - 1000 * mirror)
             found = tries = 0
             while found < MOST and tries < TRIES:
                 tries += 1

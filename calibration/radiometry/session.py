@@ -21,6 +21,7 @@ EXPOSURES = (1 / 8, 1 / 2, 2.0, 8.0, 32.0, 128.0, 512.0)  # of the nominal one
 LONGEST_S = 12.0  # an exposure beyond this is left out
 READINGS, PATIENCE_S = 24, 8.0  # of one level and exposure; seconds after which fewer do
 GAINS, GAIN_LONGER = 48, 4.0  # readings of the reference at one angle, and their exposure beside the nominal one
+SPIKE = 6.0  # sigmas off the median of its like
 LINEAR = 0.02  # misses of the curve beyond this are not a curve
 STRAY_AT = ((-45.0, 45.0, 90.0), (-20.0, 60.0, 180.0), (30.0, 30.0, 120.0))  # theta_i, theta_o, phi
 STEADY, STEADY_S = (128.0, 32.0, 8.0, 2.0, 0.5, 0.1), 3.0  # exposures of the lamp's drift, and the longest, s
@@ -106,6 +107,8 @@ class Session:
                 f"radiometry: readings miss any smooth curve by {rms:.1%}; is the lamp steady, and its cable tight?"
             )
         gains = np.array([g for _, g, _, _ in self.angles])
+        if len(self.stray):  # the trap comes last; the reference was read with the same stray light on it
+            gains = gains - np.array([self.stray / (self.certificate.f[k] * c) for k, _, _, c in self.angles])
         sigmas = np.array([s for _, _, s, _ in self.angles])
         u = self.certificate.u[self.used]
         gain = gains.mean(0)
@@ -161,7 +164,8 @@ class Session:
 
     def _stability(self, rig: StagedRig) -> Stability:
         """The lamp's drift, by readings as long as the detector takes."""
-        seconds = next(t for t in STEADY if t * rig.config.exposure_s <= STEADY_S) * rig.config.exposure_s
+        longest = next((t for t in STEADY if t * rig.config.exposure_s <= STEADY_S), STEADY[-1])
+        seconds = longest * rig.config.exposure_s
         self._announce(rig)
         while seconds > rig.config.exposure_s and rig.detector.read(seconds).saturated:
             seconds /= 4
@@ -205,6 +209,8 @@ class Session:
                 groups.setdefault(tuple(r.raw.get("range", [0] * len(r.value))), []).append(r)
         found = []
         for ranges, group in groups.items():
+            good = unspiked(np.array([r.value for r in group]), np.array([r.sigma for r in group]))
+            group = [r for r, g in zip(group, good) if g]
             values = np.array([r.value for r in group])
             sigma = np.sqrt(np.mean([r.sigma**2 for r in group], 0) / len(group))
             full = np.array(group[0].raw.get("full_scale", [np.inf] * values.shape[1]), float)
@@ -219,8 +225,11 @@ class Session:
 
     def _mean(self, rig: StagedRig, known: Radiometry, seconds: float, n: int) -> tuple[Array, Array]:
         self._announce(rig)
-        values, sigmas = zip(*(known.signal(rig.detector.read(seconds)) for _ in range(n)))
-        return np.mean(values, 0), np.sqrt(np.mean(np.square(sigmas), 0) / n)
+        values, sigmas = (np.array(x) for x in zip(*(known.signal(rig.detector.read(seconds)) for _ in range(n))))
+        good = unspiked(values, sigmas)
+        values, sigmas, n = values[good], sigmas[good], int(good.sum())
+        scatter = values.std(0, ddof=1) if n > 1 else 0.0
+        return values.mean(0), np.maximum(np.sqrt(np.mean(sigmas**2, 0)), scatter) / np.sqrt(n)
 
     def _gain(self, rig: StagedRig, known: Radiometry, wi: Array, wo: Array, k: int) -> tuple[Array, Array, float]:
         """Signal a second of f = 1 at full projection (C,), freed of drift, its sigma, and the cosine."""
@@ -243,3 +252,10 @@ class Session:
     def _announce(self, rig: StagedRig) -> None:
         rig.announce(self._number)
         self._number -= 1
+
+
+def unspiked(values: Array, sigmas: Array) -> Array:
+    """Which readings (N,) stand by the others in all channels (N, C): a spike is no reading."""
+    off = np.abs(values - np.median(values, 0))
+    usual = np.maximum(1.4826 * np.median(off, 0), np.median(sigmas, 0))
+    return np.asarray((off <= SPIKE * usual + 1e-300).all(1))

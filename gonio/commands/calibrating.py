@@ -175,7 +175,8 @@ def verified(owner: "RigOwner", known: "Certificate | None", ask: Ask, minutes: 
 
     checks = verify(rig, known, wait if minutes else None, say)
     text = "\n".join([f"verdict  {verdict(checks)}", *(c.text for c in checks)])
-    return text, all(c.passed is not False for c in checks)
+    told = [c.passed for c in checks if c.passed is not None]
+    return text, bool(told) and all(told)
 
 
 def everything(

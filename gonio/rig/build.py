@@ -67,7 +67,7 @@ def eccentricity_of(config: RigConfig, calibration: GeometryCalibration | None) 
 def backlash_of(config: RigConfig, calibration: GeometryCalibration | None) -> Array:
     """How far each arm may lag behind its encoder (A,), rad."""
     found = calibration.backlash_deg if calibration else {}
-    known = [config.axes[name].backlash_deg + max(found.get(name, 0.0), 0.0) for name in config.axis_names]
+    known = [max(config.axes[name].backlash_deg + found.get(name, 0.0), 0.0) for name in config.axis_names]
     return np.asarray(np.radians(known))
 
 

@@ -57,7 +57,7 @@ class Emulators:
             if power == 0:
                 return np.zeros(sample.channels)
             light = power * shown(*[self.servos[k].true_angle_deg() for k in order])
-            return light if true is None else true.signal(light, self.clock.now() - began, power > 0)
+            return light if true is None else true.signal(light, self.clock.now() - began, power)
 
         self.photodiode = WirePhotodiode(
             config.photodiode, scene, sample.channels, config.exposure_s, seed, self.clock, true

@@ -273,3 +273,18 @@ def test_peaks_found_before_a_ctrl_c_are_kept(tmp_path, monkeypatch, few):
     done = CliRunner().invoke(app, ["calibrate", "geometry", "--mirror", "--rig", "uncalibrated"])
     assert done.exit_code != 0
     assert len(read_observations(tmp_path / "calibrations/geometry-unfinished.csv", WRONG)) == 3
+
+
+def test_backlash_of_the_yaml_is_not_counted_twice():
+    """What a fit sees is the whole lag; the file says what is beyond the axis's own."""
+    from gonio.rig.build import backlash_of
+
+    axes = {n: a.model_copy(update={"backlash_deg": 0.3}) for n, a in WRONG.axes.items()}
+    q = Parameters(WRONG.model_copy(update={"axes": axes}))
+    p = np.zeros(len(q))
+    p[[n.startswith("backlash") for n in q.names]] = np.radians(0.37)
+    import datetime as dt
+
+    made = GeometryCalibration(id="-", date=dt.datetime.now(dt.UTC), rig="-", **q.fields(p))
+    np.testing.assert_allclose(np.degrees(backlash_of(q.config, made)), 0.37)
+    np.testing.assert_allclose(q.of(q.inverse_of(made), "backlash"), np.radians(0.37))

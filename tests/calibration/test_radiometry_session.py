@@ -210,3 +210,28 @@ def test_readings_before_a_fault_are_kept(tmp_path, monkeypatch):
     assert isinstance(done.exception, DeviceFault) and not list(tmp_path.glob("calibrations/*.yaml"))
     kept = json.loads((tmp_path / "calibrations/radiometry-unfinished.json").read_text())
     assert len(kept["points"]) > 20 and kept["angles"] == []
+
+
+def test_stray_light_is_not_in_the_gain():
+    """The trap is looked at after the reference; what it finds was on the reference too."""
+    config = wrong(
+        stray=0.02, gain=(1.0,), polarisation=0.0, drift_per_h=0.0, nonlinearity=0.0, range_ratios=(1.0, 1.0)
+    )
+    session, found = calibrated(config)
+    true = TrueRig(config, 3)
+    z = (np.array(found.gain) - np.pi / config.exposure_s * true.through) / found.gain_sigma
+    assert np.abs(z).max() < 4
+    session.stray = np.zeros(0)  # negative control
+    with_it = np.array(session.result(open_rig(config, Lambert(np.pi * F), 0)).gain)
+    assert (with_it / found.gain).min() > 1.02
+
+
+def test_a_spike_is_no_reading():
+    from calibration.radiometry.session import unspiked
+
+    rng = np.random.default_rng(0)
+    values = rng.normal(1.0, 0.005, (48, 3))
+    values[7] *= 10
+    good = unspiked(values, np.full_like(values, 0.005))
+    assert not good[7] and good.sum() >= 46
+    assert unspiked(np.ones((5, 2)), np.zeros((5, 2))).all()

@@ -73,3 +73,10 @@ def test_a_lamp_that_fades_fails_the_repeat():
 
 def test_noise_is_no_fault():
     assert Check("x", 0.015, 0.006, 0.01).passed and not Check("x", 0.017, 0.006, 0.01).passed
+
+
+def test_who_cannot_tell_says_so():
+    unsure = Check("x", 0.11, 0.12, 0.01)
+    assert unsure.passed is None and "cannot tell" in unsure.text
+    assert Check("x", 0.2, 0.12, 0.01).passed is False
+    assert verdict([unsure, Check("y", np.nan, np.nan, 0.01, "out of reach")]).startswith("nothing could be checked")

@@ -104,7 +104,7 @@ class Chain:
         q = np.broadcast_to(near, (n, b, len(self.names))).copy()
         for here, there in self._from_nearest:
             q[:, :, here] = start[:, :, there]
-        q = q.reshape(n * b, -1)
+        q = q.reshape(n * b, len(self.names))
         each = lambda w: np.broadcast_to(w if w.ndim == 3 else w[:, None], (n, b, 3)).reshape(-1, 3)
         goal = np.concatenate([each(wi), each(wo)], 1)
         going = np.arange(n * b)
