@@ -56,6 +56,8 @@ def verify(
 ) -> list[Check]:
     """All checks on the sample that lies there. wait() lets the time pass after which the first are repeated, None =
     not."""
+    if certificate is not None:
+        certificate.confirm_channels(rig.channels)
     m = _Measuring(rig)
     say("repeatability")
     first = m.of(*_repeated())

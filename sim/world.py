@@ -127,7 +127,7 @@ class TrueRig:
         return wi, wo, self.through * self._polarised(wi, wo)
 
     def signal(self, light: Array, now: float, power: float) -> Array:
-        """What reaches the detector (C,) of the light that the sample sends, at a time in seconds and a lamp's power."""
+        """What reaches the detector (C,) of the light that the sample sends, at a time in s and the lamp's power."""
         h = self.hidden
         return h.gain * (1 + h.drift * now) * (light + h.stray * power)
 

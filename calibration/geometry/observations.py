@@ -82,5 +82,8 @@ def _observation(row: dict[str, str], config: RigConfig, where: str) -> Observat
         if mirror not in range(10):
             raise CalibrationMissing(f"{where}: mirror is {row['mirror']}; number them from 0 to 9")
         return Observation("mirror", pose, None, sigma, down, int(mirror))
-    direction = unit(np.array([number(row, column, where) for column in "xyz"]))
+    seen = np.array([number(row, column, where) for column in "xyz"])
+    if not np.linalg.norm(seen) > 1e-9:
+        raise CalibrationMissing(f"{where}: x, y, z are all 0; give a direction")
+    direction = unit(seen)
     return Observation("detector" if kind == "detector" else "light", pose, direction, sigma, down)

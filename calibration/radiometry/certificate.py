@@ -5,6 +5,7 @@ As a table: CSV with columns theta_i_deg, theta_o_deg, phi_deg (between the two 
 f, or f1, f2, ... one a channel, in 1/sr; `u` is the relative standard uncertainty (k = 1) of a row.
 """
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,6 +40,18 @@ class Certificate:
 
     def part(self, which: Array) -> "Certificate":
         return Certificate(self.wi[which], self.wo[which], self.f[which], self.u[which])
+
+    @property
+    def digest(self) -> str:
+        """Of what was said: two references differ in it."""
+        parts = (a.round(9).tobytes() for a in (self.wi, self.wo, self.f, self.u))
+        return hashlib.sha256(b"".join(parts)).hexdigest()[:12]
+
+    def confirm_channels(self, channels: int) -> None:
+        """Raises CalibrationMissing where its f is of other channels than a detector's."""
+        said = self.f.shape[1]
+        if said not in (1, channels):
+            raise CalibrationMissing(f"radiometry: the certificate has {said} channels, the detector {channels}")
 
     @property
     def used(self) -> Array:

@@ -21,6 +21,7 @@ EXPOSURES = (1 / 8, 1 / 2, 2.0, 8.0, 32.0, 128.0, 512.0)  # of the nominal one
 LONGEST_S = 12.0  # an exposure beyond this is left out
 READINGS, PATIENCE_S = 24, 8.0  # of one level and exposure; seconds after which fewer do
 GAINS, GAIN_LONGER = 48, 4.0  # readings of the reference at one angle, and their exposure beside the nominal one
+STEEPEST = 0.1  # cosine at which a reference may be lit
 SPIKE = 6.0  # sigmas off the median of its like
 LINEAR = 0.02  # misses of the curve beyond this are not a curve
 STRAY_AT = ((-45.0, 45.0, 90.0), (-20.0, 60.0, 180.0), (30.0, 30.0, 120.0))  # theta_i, theta_o, phi
@@ -35,6 +36,7 @@ class Session:
         self, certificate: Certificate, say: Callable[[str], None] = lambda text: None, stability_s: float = 300.0
     ):
         self.certificate, self.say, self.stability_s = certificate, say, stability_s
+        self.said = certificate.digest  # before an angle is moved into reach
         self.points: list[Point] = []
         self.angles: list[tuple[int, Array, Array, float]] = []  # which row, gain (C,), its sigma (C,), cosine
         self.stray, self.stray_sigma = np.zeros(0), np.zeros(0)
@@ -43,13 +45,19 @@ class Session:
     def measure_white(self, rig: StagedRig) -> None:
         """All that the reference tells; it lies there now. Raises CalibrationMissing, SafetyStop, DeviceFault."""
         try:
-            self._channels_match(rig)
+            self.certificate.confirm_channels(rig.channels)
             rig.light.off()
             self.dark, self.dark_points = self._darks(rig)
             self.certificate, reach = within_reach(self.certificate, rig.reachable)
             self.used = [k for k in self.certificate.used.tolist() if reach[k]]
             if not self.used:
                 raise CalibrationMissing(f"radiometry: no angle of the certificate is in rig {rig.config.name}'s reach")
+            for k in self.used:
+                cosine = rig.radiometry.cosine(self.certificate.wi[k], self.certificate.wo[k])
+                if cosine < STEEPEST:
+                    raise CalibrationMissing(
+                        f"radiometry: row {k + 1} of the certificate is lit at a cosine of {cosine:.2f}; leave it out"
+                    )
             self._drive(rig, self.used[len(self.used) // 2])
             rig.light.on()
             rig.light.level(1)
@@ -140,13 +148,9 @@ class Session:
             "read_noise": read,
             "curve_rms": rms,
             "certificate_u": float(u.mean()),
+            "reference": self.said,
         }
         return RadiometryCalibration(**stamp("radiometry", found, rig.config, rig.simulated), **found)
-
-    def _channels_match(self, rig: StagedRig) -> None:
-        said = self.certificate.f.shape[1]
-        if said not in (1, rig.channels):
-            raise CalibrationMissing(f"radiometry: the certificate has {said} channels, the detector {rig.channels}")
 
     def _drive(self, rig: StagedRig, k: int) -> tuple[Array, Array]:
         return rig.drive(self.certificate.wi[k : k + 1], self.certificate.wo[k : k + 1])
@@ -234,10 +238,6 @@ class Session:
     def _gain(self, rig: StagedRig, known: Radiometry, wi: Array, wo: Array, k: int) -> tuple[Array, Array, float]:
         """Signal a second of f = 1 at full projection (C,), freed of drift, its sigma, and the cosine."""
         e, cosine = rig.config.exposure_s, known.cosine(wi, wo)
-        if cosine < 0.1:
-            raise CalibrationMissing(
-                f"radiometry: row {k + 1} of the certificate is lit at a cosine of {cosine:.2f}; leave it out"
-            )
         e *= GAIN_LONGER
         value, sigma = self._mean(rig, known, e, GAINS)
         lamp = 1 + self.curve.drift * (rig.clock.now() - self._began)

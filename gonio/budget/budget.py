@@ -14,7 +14,7 @@ DRAWS = 2048  # of an integral
 
 @dataclass(frozen=True)
 class Reflectance:
-    """Directional-hemispherical, at one theta_i (rad): value, u (k = 1) and its random part, (C,) each."""
+    """Directional-hemispherical, at one theta_i (rad): value, u (k = 1), its random part, (C,) each; NaN = unknown."""
 
     theta_i: float
     value: Array
@@ -84,7 +84,7 @@ class Budget:
 
     def _all_alike(self, wi: Array, wo: Array, weight: Array) -> Array:
         """The random part where no draws tell it: as if all errors were one, which is too much."""
-        std = self.brdf.std(wi, wo) if hasattr(self.brdf, "std") else np.zeros((len(wi), self.brdf.channels))
+        std = self.brdf.std(wi, wo) if hasattr(self.brdf, "std") else np.full((len(wi), self.brdf.channels), np.nan)
         return np.asarray((weight * std).sum(0))
 
 

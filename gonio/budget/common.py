@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from calibration.geometry.parameters import Parameters
 from gonio.budget.angles import Angles, Value
 from gonio.config.rig import RigConfig
 from gonio.geometry import Array
@@ -35,7 +36,7 @@ class Common:
     def __post_init__(self) -> None:
         if (r := self.radiometry) is not None:
             self._parts.extend(self._of_radiometry(r))
-        if self.geometry is not None and self.geometry.parameters:
+        if self.geometry is not None and self._tells_angles(self.geometry):
             angles = Angles(self.config, self.geometry, self.isotropic)
             self._angles.append(angles)
             both = lambda wi, wo, f: angles.columns(self.value, wi, wo, self._cosine)
@@ -43,6 +44,10 @@ class Common:
         a = self.config.acceptance
         if a.light_half_angle_deg or a.detector_half_angle_deg:
             self._parts.append(("solid angles", self._solid_angles))
+
+    def _tells_angles(self, geometry: GeometryCalibration) -> bool:
+        """Whether its covariance is there, of all parameters."""
+        return bool(geometry.covariance) and set(Parameters(self.config).names) <= set(geometry.parameters)
 
     @property
     def calibrated(self) -> bool:
@@ -56,13 +61,15 @@ class Common:
             lines.append(
                 "gain, linearity, ranges, stray, drift: `gonio calibrate radiometry`, and its file in the rig's YAML"
             )
+        elif self.config.detector == "camera":
+            lines.append("linearity, stray, drift: not looked at with a camera")
         elif not self.radiometry.range_ratios:
             lines.append(
                 "ranges, stray, drift: this calibration did not look; make it anew with `gonio calibrate radiometry`"
             )
         if self.geometry is None:
             lines.append("angles: `gonio calibrate geometry --mirror`, and its file in the rig's YAML")
-        elif not self.geometry.parameters:
+        elif not self._tells_angles(self.geometry):
             lines.append("angles: this calibration has no covariance; make it anew with `gonio calibrate geometry`")
         lines.append("polarisation of lamp and detector: nothing here measures it")
         return lines
@@ -96,7 +103,8 @@ class Common:
         own = np.sqrt(np.maximum(np.array(r.gain_sigma) ** 2 - (gain * r.certificate_u) ** 2, 0)) / gain
         yield "certificate", lambda wi, wo, f: np.full((1, *f.shape), r.certificate_u)
         yield "gain", lambda wi, wo, f: np.broadcast_to(np.diag(own)[:, None], (len(own), *f.shape))
-        yield "linearity", lambda wi, wo, f: r.linearity_sigma * self._filling(f, wi, wo)[0][None]
+        if r.linearity_sigma:
+            yield "linearity", lambda wi, wo, f: r.linearity_sigma * self._filling(f, wi, wo)[0][None]
         if r.range_ratios_sigma:
             sigma = np.array(r.range_ratios_sigma)
             which = np.arange(len(sigma))[:, None, None]
@@ -105,7 +113,7 @@ class Common:
             stray = np.array(r.stray_sigma) / gain
             per = lambda wi, wo, f: stray / (f * np.maximum(self._cosine(wi, wo), 1e-3)[:, None])
             yield "stray", lambda wi, wo, f: np.eye(len(stray))[:, None] * per(wi, wo, f)[None]
-        if not self.referenced:
+        if not self.referenced and r.drift_per_h_sigma:
             # readings come in any order: in the mean of a run the lamp is half its drift beside its start
             drift = float(np.hypot(r.drift_per_h, r.drift_per_h_sigma)) * self.hours / 2
             yield "drift", lambda wi, wo, f: np.full((1, *f.shape), drift)

@@ -57,8 +57,8 @@ def write_budget(folder: Path, budget: Budget, theta_i_deg: tuple[float, ...] | 
             {
                 "theta_i_deg": round(float(np.degrees(r.theta_i)), 6),
                 "value": r.value.tolist(),
-                "u": r.u.tolist(),
-                "random": r.random.tolist(),
+                "u": _known(r.u),
+                "random": _known(r.random),
             }
             for r in (budget.reflectance(float(np.radians(t))) for t in theta_i_deg or THETA_I)
         ],
@@ -94,3 +94,8 @@ def raw_by_id(store: Store) -> list[dict]:
     for row, said in zip(np.lexsort((m.id, m.wall_s)), made):  # `Store.raw` has them as they were made
         raw[row] = said
     return raw
+
+
+def _known(values: Array) -> list[float | None]:
+    """As JSON has them: null where nobody knows."""
+    return [float(v) if np.isfinite(v) else None for v in values]

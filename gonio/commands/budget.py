@@ -38,7 +38,7 @@ def budget(
     dhr.add_column("θi")
     dhr.add_column("by channel")
     for row in found["dhr"]:
-        each = "  ".join(f"{v:.4f} ± {u:.4f}" for v, u in zip(row["value"], row["u"]))
+        each = "  ".join(f"{v:.4f} ± {'?' if u is None else f'{u:.4f}'}" for v, u in zip(row["value"], row["u"]))
         dhr.add_row(f"{row['theta_i_deg']:g}°", each)
     console = Console(width=None if Console().is_terminal else 120)
     for shown in (table, angles, readings, dhr):

@@ -138,20 +138,25 @@ def geometry(
     force: Annotated[bool, typer.Option("--force", help="save a fit that does not explain what was seen")] = False,
 ) -> None:
     """Zeros, tilts, eccentricity, backlash and centres of the axes: by a mirror, or from a table of what was seen."""
+    import numpy as np
+
     from calibration.geometry import calibrate_geometry, read_observations
-    from gonio.commands.calibrating import geometry_by_mirror
+    from gonio.commands.calibrating import WEAK, geometry_by_mirror
     from gonio.config import ConfigError
 
     if mirror == (observations is not None):
         raise ConfigError("calibrate geometry: give a CSV of what was seen, or --mirror, and not both")
     if mirror:
-        with _owner(rig) as owner:
+        with _owner(rig, "geometry", out) as owner:
             typer.echo(geometry_by_mirror(owner, out, wedge, _ask(owner, yes), force=force).text)
         return
     assert observations is not None
     config = rig_config(rig)
     found = calibrate_geometry(read_observations(observations, config), config, simulated=config.depth != "real")
-    _save(found, out, f"observations agree to {found.residual_deg:.3f} degrees")
+    sure = found.directions_sigma_deg or 0.0
+    _save(found, out, f"observations agree to {found.residual_deg:.3f} degrees; a direction is known to {sure:.3f}")
+    if np.radians(sure) > WEAK:
+        typer.echo("warning  that is little: these observations do not tell the geometry; add others", err=True)
 
 
 @app.command()
@@ -170,7 +175,7 @@ def radiometry(
     """What the detector makes of light: dark, noise, linearity, ranges, drift, gain by a white reference, stray."""
     from gonio.commands.calibrating import certificate_of, radiometry_by_reference
 
-    with _owner(rig) as owner:
+    with _owner(rig, "radiometry", out) as owner:
         known = certificate_of(f, table, u, theta_i, theta_o)
         typer.echo(radiometry_by_reference(owner, out, known, _ask(owner, yes), trap=trap, minutes=stability).text)
 
@@ -258,11 +263,17 @@ def _ask(owner: "RigOwner", yes: bool) -> Callable[[str], None]:
 
 
 @contextmanager
-def _owner(rig: str) -> Iterator["RigOwner"]:
-    """The rig's devices for this command alone. Raises ConfigError, SocketsError where somebody else drives them."""
+def _owner(rig: str, making: str | None = None, out: Path = FOLDER) -> Iterator["RigOwner"]:
+    """The rig's devices for this command alone, which makes a calibration of kind `making` in the folder out.
+
+    Raises ConfigError; SocketsError where somebody else drives them.
+    """
+    from gonio.commands.calibrated import about_to_make
     from gonio.daemon.rig_owner import RigOwner
 
     config = rig_config(rig)
+    if making is not None:
+        config = about_to_make(config, making, out)
     with _held(config), RigOwner(config) as owner:
         yield owner
 

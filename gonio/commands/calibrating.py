@@ -107,8 +107,10 @@ def radiometry_by_reference(
     ask("the white reference")
     if owner.config.detector == "camera":  # it has no ranges, and its frames have darks of their own
         rig = owner.as_is(laid_down.reference(owner.config, known), calibrated=False)
+        known.confirm_channels(rig.channels)
         near, _ = within_reach(known.part(np.arange(1)), rig.reachable)
         found = calibrate_at(rig, near.wi, near.wo, near.f[0], float(near.u[0]))
+        found = found.model_copy(update={"reference": known.digest})
         path = save_calibration(found, folder)
     else:
         session = Session(known, _saying(), 60 * minutes)
@@ -195,7 +197,7 @@ def everything(
     from gonio.commands.calibrated import Calibrated
     from gonio.daemon.rig_owner import RigOwner
 
-    state = Calibrated(config, folder, again=again)
+    state = Calibrated(config, folder, known.digest, again=again)
     if "geometry" not in state.done:
         with RigOwner(state.config) as owner:
             saved = geometry_by_mirror(owner, folder, wedge, ask_of(owner))

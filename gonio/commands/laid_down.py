@@ -1,14 +1,24 @@
 """What lies on a simulated rig when an operator is asked for it; None on a real one, where people lay it down."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gonio.config.rig import RigConfig
+from gonio.rig.calibration import RadiometryCalibration, load_calibration
 
 if TYPE_CHECKING:
     from calibration.board import Board
     from calibration.radiometry.certificate import Certificate
+
+
+def channels(config: RigConfig) -> int:
+    """How many a simulated detector has: what the rig says, or its radiometry, else three."""
+    named = config.calibration.radiometry
+    if config.channels is not None or named is None or not Path(named).is_file():
+        return config.channels or 3
+    return len(load_calibration(Path(named), RadiometryCalibration).gain)
 
 
 def mirror(config: RigConfig, wedge_deg: float):
@@ -17,7 +27,7 @@ def mirror(config: RigConfig, wedge_deg: float):
         return None
     from sim.mirror import Mirror
 
-    return Mirror.on_wedge(wedge_deg) if wedge_deg else Mirror()
+    return Mirror.on_wedge(wedge_deg, channels(config)) if wedge_deg else Mirror(channels=channels(config))
 
 
 def reference(config: RigConfig, known: "Certificate"):
@@ -28,20 +38,20 @@ def reference(config: RigConfig, known: "Certificate"):
         from gonio.brdf.models.lambert import Lambert
 
         f = known.f[0]
-        return Lambert(np.pi * (np.repeat(f, config.channels or 3) if len(f) == 1 else f))
+        return Lambert(np.pi * (np.repeat(f, channels(config)) if len(f) == 1 else f))
     from sim.standard import Standard
 
-    channels = known.f.shape[1] if known.f.shape[1] > 1 else config.channels or 3
-    return Standard(known.wi, known.wo, known.f, channels)
+    many = known.f.shape[1] if known.f.shape[1] > 1 else channels(config)
+    return Standard(known.wi, known.wo, known.f, many)
 
 
-def black(config: RigConfig, channels: int):
+def black(config: RigConfig, many: int):
     """What lies on a simulated rig when a trap is asked for; None on a real one."""
     if config.depth == "real":
         return None
     from gonio.brdf.models.lambert import Lambert
 
-    return Lambert(np.zeros(channels))
+    return Lambert(np.zeros(many))
 
 
 def board(config: RigConfig, board: "Board"):
@@ -51,4 +61,4 @@ def board(config: RigConfig, board: "Board"):
     from calibration.board import board_image
     from sim.board_on_plate import BoardOnPlate
 
-    return BoardOnPlate(board_image(board, 60), board.across * board.square, config.channels or 3)
+    return BoardOnPlate(board_image(board, 60), board.across * board.square, channels(config))

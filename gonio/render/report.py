@@ -183,7 +183,8 @@ def _uncertainty(budget: dict | None, material: Material) -> str:
         return ""
     rows = {
         f"DHR, θi {row['theta_i_deg']:g}°": "  ".join(
-            f"{c} {v:.4f} ± {u:.4f}" for c, v, u in list(zip(material.channels, row["value"], row["u"]))[:8]
+            f"{c} {v:.4f} ± {'?' if u is None else f'{u:.4f}'}"
+            for c, v, u in list(zip(material.channels, row["value"], row["u"]))[:8]
         )
         for row in budget["dhr"]
     }

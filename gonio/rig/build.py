@@ -144,7 +144,19 @@ def park_pose(config: RigConfig) -> Array:
 def geometry_calibration(config: RigConfig) -> GeometryCalibration | None:
     """The geometry that the rig refers to, None = as drawn. Raises CalibrationMissing."""
     c = config.calibration
-    return load_calibration(Path(c.geometry), GeometryCalibration) if c.geometry else None
+    if c.geometry is None:
+        return None
+    found = load_calibration(Path(c.geometry), GeometryCalibration)
+    for key in ("offsets_deg", "axes", "eccentricity_deg", "backlash_deg"):
+        for name in getattr(found, key):
+            if name not in config.axis_names:
+                raise CalibrationMissing(
+                    f"{c.geometry}: {key}.{name}: no such axis; they are {', '.join(config.axis_names)}"
+                )
+    for name, waves in found.eccentricity_deg.items():
+        if not all(abs(w) <= 10 for w in waves):
+            raise CalibrationMissing(f"{c.geometry}: eccentricity_deg.{name}: more than 10 degrees is no encoder")
+    return found
 
 
 def camera_calibration(config: RigConfig, *, to_measure: bool = True) -> CameraCalibration | None:

@@ -1,11 +1,12 @@
 """Calibration files: what `gonio calibrate` writes and a rig refers to. Dated, with an id that every run records."""
 
 import datetime as dt
+import math
 from pathlib import Path
 from typing import Literal, TypeVar
 
 import yaml
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from gonio.atomic import write_text
 from gonio.config.loader import ConfigError, Section, load_config
@@ -51,6 +52,16 @@ class GeometryCalibration(Dated):
     parameters: dict[str, float] = Field(default_factory=dict)
     covariance: tuple[tuple[float, ...], ...] = ()
 
+    @model_validator(mode="after")
+    def _possible(self) -> "GeometryCalibration":
+        for name, axis in self.axes.items():
+            if not 1e-6 < math.hypot(*axis) < math.inf:
+                raise ValueError(f"axes.{name}: must not be the zero vector")
+        size = len(self.parameters)
+        if self.covariance and any(len(row) != size for row in (self.covariance, *self.covariance)):
+            raise ValueError(f"covariance: must be {size} x {size}, as many as there are parameters")
+        return self
+
 
 class RadiometryCalibration(Dated):
     """gain per channel = signal per second of f = 1 at full projection; linearity = relative excess at full scale.
@@ -79,6 +90,21 @@ class RadiometryCalibration(Dated):
     read_noise: float | None = None
     curve_rms: float | None = None
     certificate_u: float = 0.0
+    reference: str | None = Field(None, description="digest of what was said of the reference")
+
+    @model_validator(mode="after")
+    def _possible(self) -> "RadiometryCalibration":
+        if not all(0 < g < math.inf for g in self.gain):
+            raise ValueError("gain: must be above 0 in every channel")
+        for name in ("gain_sigma", "stray", "stray_sigma"):
+            values = getattr(self, name)
+            if values and len(values) != len(self.gain):
+                raise ValueError(f"{name}: {len(values)} numbers for {len(self.gain)} channels")
+            if not all(math.isfinite(v) for v in values):
+                raise ValueError(f"{name}: must be finite numbers")
+        if not all(0.1 < r < 10 for r in self.range_ratios):
+            raise ValueError("range_ratios: must lie between 0.1 and 10")
+        return self
 
 
 class CameraCalibration(Dated):

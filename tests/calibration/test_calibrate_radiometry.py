@@ -62,7 +62,9 @@ def test_missing_stale_and_foreign_files(tmp_path):
     old = save_calibration(found.model_copy(update={"date": dt.datetime(2020, 1, 1, tzinfo=dt.UTC)}), tmp_path)
     with pytest.raises(CalibrationMissing, match="days old"):
         open_rig(config(old, max_age_days=30.0), White(), 0)
-    two = save_calibration(found.model_copy(update={"gain": (1.0, 1.0), "id": "two"}), tmp_path)
+    two = save_calibration(
+        found.model_copy(update={"gain": (1.0, 1.0), "gain_sigma": (0.0, 0.0), "id": "two"}), tmp_path
+    )
     with pytest.raises(CalibrationMissing, match="2 channels, the run has 3"):
         open_rig(config(two), White(), 0)
     camera = config(save_calibration(found, tmp_path)).model_copy(update={"detector": "camera"})

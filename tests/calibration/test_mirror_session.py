@@ -288,3 +288,30 @@ def test_backlash_of_the_yaml_is_not_counted_twice():
     made = GeometryCalibration(id="-", date=dt.datetime.now(dt.UTC), rig="-", **q.fields(p))
     np.testing.assert_allclose(np.degrees(backlash_of(q.config, made)), 0.37)
     np.testing.assert_allclose(q.of(q.inverse_of(made), "backlash"), np.radians(0.37))
+
+
+def test_a_rig_that_reaches_no_mirror_pose_says_so(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    import yaml
+
+    text = yaml.safe_load(find_config("sim", "rigs").read_text())
+    for axis, (low, high) in {"light": (30, 60), "detector": (30, 60), "azimuth": (-60, 60)}.items():
+        text["axes"][axis] |= {"lower_deg": low, "upper_deg": high}
+    text["park_deg"] = {"light": 45, "detector": 45, "azimuth": 40}
+    (tmp_path / "narrow.yaml").write_text(yaml.safe_dump(text))
+    done = CliRunner().invoke(app, ["calibrate", "geometry", "--mirror", "--rig", "narrow.yaml"])
+    assert "reaches no pose at which a mirror" in str(done.exception)
+
+
+def test_a_table_that_tells_nothing_is_said(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "same.csv").write_text(
+        "kind,light_deg,turntable_deg,detector_deg,azimuth_deg\n" + "mirror,30,0,-30,0\n" * 20
+    )
+    done = CliRunner().invoke(app, ["calibrate", "geometry", "same.csv", "--rig", "sim"], catch_exceptions=False)
+    assert "that is little" in done.output
+    (tmp_path / "zero.csv").write_text(
+        "kind,light_deg,turntable_deg,detector_deg,azimuth_deg,x,y,z\n" + "light,30,0,-30,0,0,0,0\n" * 20
+    )
+    done = CliRunner().invoke(app, ["calibrate", "geometry", "zero.csv", "--rig", "sim"])
+    assert "zero.csv:2: x, y, z are all 0" in str(done.exception)

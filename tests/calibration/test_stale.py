@@ -87,3 +87,72 @@ def test_doctor_names_what_has_expired(tmp_path):
     assert [line for line in lines if line.startswith("FAIL")] == [
         f"FAIL radiometry: {path}: 40 days old, the rig allows 30"
     ]
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("offsets_deg: {lihgt: 5}", "offsets_deg.lihgt: no such axis"),
+        ("axes: {light: [0, 0, 0]}", "must not be the zero vector"),
+        ("eccentricity_deg: {light: [90, 0, 0, 0]}", "is no encoder"),
+        ("parameters: {a: 1.0}\ncovariance: [[1.0, 0.0]]", "must be 1 x 1"),
+    ],
+)
+def test_geometries_by_hand_that_cannot_be(tmp_path, text, what):
+    (tmp_path / "g.yaml").write_text(f"id: g\ndate: 2026-01-01T00:00:00Z\nrig: sim\n{text}\n")
+    files = SIM.calibration.model_copy(update={"geometry": str(tmp_path / "g.yaml")})
+    with pytest.raises(CalibrationMissing, match=what):
+        open_rig(SIM.model_copy(update={"calibration": files}), Lambert([0.3] * 3), 0)
+
+
+@pytest.mark.parametrize(
+    ("said", "what"),
+    [
+        ({"gain": (0.0, 1.0, 1.0)}, "above 0"),
+        ({"gain_sigma": (0.1,)}, "1 numbers for 3 channels"),
+        ({"stray": (0.1,)}, "stray: 1 numbers for 3"),
+        ({"range_ratios": (1.0, 0.0, 1.0)}, "between 0.1 and 10"),
+    ],
+)
+def test_radiometries_by_hand_that_cannot_be(tmp_path, said, what):
+    import yaml
+
+    path = saved(tmp_path)
+    raw = yaml.safe_load(path.read_text()) | {k: list(v) for k, v in said.items()}
+    path.write_text(yaml.safe_dump(raw))
+    with pytest.raises(CalibrationMissing, match=what):
+        open_rig(rig_with(path), Lambert([0.3] * 3), 0)
+
+
+def test_what_is_missing_can_be_made_anew_and_a_folder_that_cannot_be_written_is_said(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    import yaml
+
+    text = yaml.safe_load(find_config("sim", "rigs").read_text())
+    text["calibration"] = {"radiometry": "gone.yaml"}
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(text))
+    call = ["calibrate", "radiometry", "--rig", "rig.yaml", "--f", "0.31", "--stability", "0"]
+    assert CliRunner().invoke(app, call, catch_exceptions=False).exit_code == 0
+    (tmp_path / "file").write_text("")
+    done = CliRunner().invoke(app, [*call, "--out", "file"])
+    assert "file: cannot be written" in str(done.exception) and done.exception.exit_code == 2
+
+
+def test_calibrate_all_knows_its_own_file_and_its_reference(tmp_path):
+    from gonio.commands.calibrated import Calibrated
+    from gonio.config import ConfigError
+
+    (tmp_path / "sim.yaml").write_text("# mine\nname: sim\n")
+    with pytest.raises(ConfigError, match="a rig file of your own"):
+        Calibrated(SIM, tmp_path, "abc", again=True)
+    (tmp_path / "sim.yaml").unlink()
+    made = Calibrated(SIM, tmp_path, "abc", again=False)
+    geometry = tmp_path / "g.yaml"
+    geometry.write_text("id: g\ndate: 2026-01-01T00:00:00Z\nrig: sim\n")
+    made.add("geometry", geometry)
+    made.add("radiometry", saved(tmp_path, reference="abc"))
+    assert set(Calibrated(SIM, tmp_path, "abc", again=False).done) == {"geometry", "radiometry"}
+    with pytest.raises(CalibrationMissing, match="another reference; begin anew with --again"):
+        Calibrated(SIM, tmp_path, "other", again=False)
+    geometry.unlink()
+    assert Calibrated(SIM, tmp_path, "abc", again=False).done == {}

@@ -124,7 +124,7 @@ class Chain:
             q[going] += np.linalg.solve(normal, np.einsum("nij,ni->nj", jacobian, residual)[..., None])[..., 0]
         q[bad > GOOD] = np.nan
         q -= 2 * np.pi * np.rint(q / (2 * np.pi))
-        return q.reshape(n, b, -1)
+        return q.reshape(n, b, len(self.names))
 
     def _solve_forward(self, q: Array, jacobian: bool = False):
         """wi, wo (N, 3) and, if asked for, d(wi, wo)/dq (N, 6, A)."""
