@@ -63,7 +63,8 @@ def test_a_session_on_devices(tmp_path, few, monkeypatch):
     assert 0.004 < float(table[-1]["u_shared_0"]) < 1
     raw = yaml.safe_load(rig.read_text())
     raw["axes"]["light"]["upper_deg"] = 80
-    rig.write_text(yaml.safe_dump(raw))
+    head = rig.read_text().splitlines()[0]
+    rig.write_text(f"{head}\n{yaml.safe_dump(raw)}")
     assert "another rig, or this one was changed" in str(CliRunner().invoke(app, call).exception)
 
 
