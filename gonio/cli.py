@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from gonio.commands import acquisition, budget, calibrate, materials, owner, products, rig, studies
+from gonio.commands import acquisition, budget, materials, owner, products, rig, studies
+from gonio.commands.calibrate import app as calibrate
 
 app = typer.Typer(
     name="gonio",

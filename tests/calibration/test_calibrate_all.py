@@ -35,7 +35,7 @@ def test_a_session_on_devices(tmp_path, few, monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as m:
-        m.setattr("gonio.commands.calibrating.radiometry_by_reference", interrupted)
+        m.setattr("gonio.commands.calibrate.calibrating.radiometry_by_reference", interrupted)
         assert CliRunner().invoke(app, call).exit_code != 0
     made = sorted(p.name for p in (tmp_path / "calibrations").iterdir())
     assert [p.split("-")[0] for p in made if p.endswith(".yaml")] == ["geometry", "uncalibrated.yaml"]

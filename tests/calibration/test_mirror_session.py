@@ -135,7 +135,7 @@ def test_the_sample_lies_as_the_mirror_did_unless_boards_say_where_it_lies():
 )
 def test_what_is_wrong_is_one_line(tmp_path, monkeypatch, few, lies, what):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("gonio.commands.laid_down.mirror", lambda config, wedge: lies)
+    monkeypatch.setattr("gonio.commands.calibrate.laid_down.mirror", lambda config, wedge: lies)
     done = CliRunner().invoke(app, ["calibrate", "geometry", "--mirror", "--rig", "uncalibrated"])
     assert done.exit_code == 1 and isinstance(done.exception, CalibrationMissing)
     assert done.exception.exit_code == 5 and "\n" not in str(done.exception)

@@ -139,7 +139,7 @@ def test_what_is_missing_can_be_made_anew_and_a_folder_that_cannot_be_written_is
 
 
 def test_calibrate_all_knows_its_own_file_and_its_reference(tmp_path):
-    from gonio.commands.calibrated import Calibrated
+    from gonio.commands.calibrate.calibrated import Calibrated
     from gonio.config import ConfigError
 
     (tmp_path / "sim.yaml").write_text("# mine\nname: sim\n")

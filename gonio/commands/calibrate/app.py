@@ -1,21 +1,15 @@
 """calibrate camera, geometry, radiometry: each writes a dated file that the rig's YAML then names."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from gonio.commands.calibrate.rig_alone import FOLDER, ask, owned
 from gonio.commands.rig import RigOption, rig_config
-
-if TYPE_CHECKING:
-    from gonio.config.rig import RigConfig
-    from gonio.daemon.rig_owner import RigOwner
 
 app = typer.Typer(help="Calibrate camera, geometry or radiometry of a rig.", no_args_is_help=True)
 Out = Annotated[Path, typer.Option(help="folder of calibrations")]
-FOLDER = Path("calibrations")
 F = Annotated[
     list[float] | None, typer.Option(help="the reference's BRDF, 1/sr, from its certificate; once per channel")
 ]
@@ -91,10 +85,10 @@ def camera(
         _frames(rig, out, flat)
         return
     if drive is not None:
-        from gonio.commands.calibrating import views_by_driving
+        from gonio.commands.calibrate.calibrating import views_by_driving
 
-        with _owner(rig) as owner:
-            views, poses = views_by_driving(owner, made, drive, views_to, _ask(owner, yes))
+        with owned(rig) as owner:
+            views, poses = views_by_driving(owner, made, drive, views_to, ask(owner, yes))
     if not views:
         raise ConfigError(
             "name pictures of the board (--board FILE.png makes one to print), or --drive, --take, --dark, --flat"
@@ -141,14 +135,14 @@ def geometry(
     import numpy as np
 
     from calibration.geometry import calibrate_geometry, read_observations
-    from gonio.commands.calibrating import WEAK, geometry_by_mirror
+    from gonio.commands.calibrate.calibrating import WEAK, geometry_by_mirror
     from gonio.config import ConfigError
 
     if mirror == (observations is not None):
         raise ConfigError("calibrate geometry: give a CSV of what was seen, or --mirror, and not both")
     if mirror:
-        with _owner(rig, "geometry", out) as owner:
-            typer.echo(geometry_by_mirror(owner, out, wedge, _ask(owner, yes), force=force).text)
+        with owned(rig, "geometry", out) as owner:
+            typer.echo(geometry_by_mirror(owner, out, wedge, ask(owner, yes), force=force).text)
         return
     assert observations is not None
     config = rig_config(rig)
@@ -173,11 +167,11 @@ def radiometry(
     yes: Yes = False,
 ) -> None:
     """What the detector makes of light: dark, noise, linearity, ranges, drift, gain by a white reference, stray."""
-    from gonio.commands.calibrating import certificate_of, radiometry_by_reference
+    from gonio.commands.calibrate.calibrating import certificate_of, radiometry_by_reference
 
-    with _owner(rig, "radiometry", out) as owner:
+    with owned(rig, "radiometry", out) as owner:
         known = certificate_of(f, table, u, theta_i, theta_o)
-        typer.echo(radiometry_by_reference(owner, out, known, _ask(owner, yes), trap=trap, minutes=stability).text)
+        typer.echo(radiometry_by_reference(owner, out, known, ask(owner, yes), trap=trap, minutes=stability).text)
 
 
 @app.command()
@@ -192,11 +186,11 @@ def verify(
     yes: Yes = False,
 ) -> None:
     """Whether the rig as calibrated can be believed: reciprocity, isotropy, energy, a known sample, a repeat."""
-    from gonio.commands.calibrating import certificate_of, verified
+    from gonio.commands.calibrate.calibrating import certificate_of, verified
 
-    with _owner(rig) as owner:
+    with owned(rig) as owner:
         known = certificate_of(f, table, u, theta_i, theta_o)
-        text, good = verified(owner, known, _ask(owner, yes), after)
+        text, good = verified(owner, known, ask(owner, yes), after)
         typer.echo(text)
     if not good:
         raise typer.Exit(1)
@@ -218,13 +212,13 @@ def all_(
     yes: Yes = False,
 ) -> None:
     """Geometry, radiometry, verify; after Ctrl-C or a fault the same command goes on. Writes a rig file to use."""
-    from gonio.commands.calibrating import certificate_of, everything
+    from gonio.commands.calibrate.calibrating import certificate_of, everything
 
     config = rig_config(rig)
     known = certificate_of(f, table, u, theta_i, theta_o)
     with _held(config):
         good = everything(
-            config, out, known, lambda owner: _ask(owner, yes), wedge=wedge, minutes=stability, after=after, again=again
+            config, out, known, lambda owner: ask(owner, yes), wedge=wedge, minutes=stability, after=after, again=again
         )
     if not good:
         raise typer.Exit(1)
@@ -235,7 +229,7 @@ def _take(rig: str, picture: Path, poses: Path) -> None:
 
     from calibration.take_view import take_view
 
-    with _owner(rig) as owner:
+    with owned(rig) as owner:
         pose = take_view(owner.as_is(calibrated=False), picture, poses)
         at = "  ".join(f"{n} {a:.2f}" for n, a in zip(owner.config.axis_names, np.degrees(pose)))
     typer.echo(f"view   {picture}: {at} degrees, added to {poses}")
@@ -244,53 +238,13 @@ def _take(rig: str, picture: Path, poses: Path) -> None:
 def _frames(rig: str, out: Path, flat: bool) -> None:
     from calibration.camera_frames import measure_frames
 
-    with _owner(rig) as owner:
+    with owned(rig) as owner:
         found = measure_frames(owner.as_is(calibrated=False), flat=flat)
     path = found.save(out)
     text = f"{len(found.exposures)} dark frames, {int(found.bad.sum())} bad pixels"
     if found.flat is not None:
         text += f", flat from {found.flat.min():.2f} to {found.flat.max():.2f}"
     typer.echo(f"frames  {text}\nfile  {path}: name it in the rig's YAML as calibration.frames")
-
-
-def _ask(owner: "RigOwner", yes: bool) -> Callable[[str], None]:
-    """Tells the operator what to put in the sample's place, and waits; on a simulated rig it lies there at once."""
-    if yes or owner.config.depth != "real":
-        return lambda what: typer.echo(f"put   {what}")
-    return lambda what: typer.prompt(
-        f"put   {what}; then press Enter", default="", show_default=False, prompt_suffix=" "
-    )
-
-
-@contextmanager
-def _owner(rig: str, making: str | None = None, out: Path = FOLDER) -> Iterator["RigOwner"]:
-    """The rig's devices for this command alone, which makes a calibration of kind `making` in the folder out.
-
-    Raises ConfigError; SocketsError where somebody else drives them.
-    """
-    from gonio.commands.calibrated import about_to_make
-    from gonio.daemon.rig_owner import RigOwner
-
-    config = rig_config(rig)
-    if making is not None:
-        config = about_to_make(config, making, out)
-    with _held(config), RigOwner(config) as owner:
-        yield owner
-
-
-@contextmanager
-def _held(config: "RigConfig") -> Iterator[None]:
-    """Nobody else may drive the rig meanwhile. Raises ConfigError, SocketsError."""
-    from gonio.config import ConfigError
-    from gonio.daemon.client import find
-    from gonio.daemon.sockets import hold_hardware
-
-    if config.depth == "ideal":
-        raise ConfigError(f"rig {config.name} is ideal and has no detector to calibrate")
-    if find(config.name) is not None:
-        raise ConfigError(f"rig {config.name}: a daemon drives it; end the daemon, calibrate, start it again")
-    with hold_hardware(config):
-        yield
 
 
 def _save(found, folder: Path, text: str) -> None:

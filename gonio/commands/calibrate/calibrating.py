@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import typer
 
-from gonio.commands import laid_down
+from gonio.commands.calibrate import laid_down
 
 if TYPE_CHECKING:
     from calibration.board import Board
@@ -194,7 +194,7 @@ def everything(
 ) -> bool:
     """Geometry, radiometry, verify, each with what was found before; whether verify holds. Goes on where it was
     left."""
-    from gonio.commands.calibrated import Calibrated
+    from gonio.commands.calibrate.calibrated import Calibrated
     from gonio.daemon.rig_owner import RigOwner
 
     state = Calibrated(config, folder, known.digest, again=again)
