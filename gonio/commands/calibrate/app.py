@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gonio.commands.calibrate.rig_alone import FOLDER, ask, owned
+from gonio.commands.calibrate.rig_alone import FOLDER, alone, ask, owned
 from gonio.commands.rig import RigOption, rig_config
 
 app = typer.Typer(help="Calibrate camera, geometry or radiometry of a rig.", no_args_is_help=True)
@@ -216,7 +216,7 @@ def all_(
 
     config = rig_config(rig)
     known = certificate_of(f, table, u, theta_i, theta_o)
-    with _held(config):
+    with alone(config):
         good = everything(
             config, out, known, lambda owner: ask(owner, yes), wedge=wedge, minutes=stability, after=after, again=again
         )

@@ -38,12 +38,12 @@ def owned(rig: str, making: str | None = None, out: Path = FOLDER) -> Iterator["
     config = rig_config(rig)
     if making is not None:
         config = about_to_make(config, making, out)
-    with _alone(config), RigOwner(config) as owner:
+    with alone(config), RigOwner(config) as owner:
         yield owner
 
 
 @contextmanager
-def _alone(config: "RigConfig") -> Iterator[None]:
+def alone(config: "RigConfig") -> Iterator[None]:
     """Nobody else may drive the rig meanwhile. Raises ConfigError, SocketsError."""
     from gonio.config import ConfigError
     from gonio.daemon.client import find
