@@ -30,6 +30,7 @@ STUDIES = {
     "codes": "gonio.bench.flows.codes",
     "pretrain": "gonio.bench.flows.pretrain",
     "coverage": "gonio.bench.accuracy.coverage",
+    "accuracy": "gonio.bench.accuracy.peers",
     "prior": "gonio.bench.accuracy.prior",
 }
 
