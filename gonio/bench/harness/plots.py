@@ -20,7 +20,7 @@ def error_figure(rows: Sequence[Row], path: Path) -> None:
     from matplotlib import colormaps
     from matplotlib.figure import Figure
 
-    colours = colormaps["tab20"].colors
+    colours = colormaps["tab20"](np.linspace(0, 1, 20))
     figure = Figure(figsize=(14, 4.8), layout="constrained")
     panels = figure.subplots(1, len(AXES), sharey=True)
     rows = [r for r in rows if r["motion"] == "ours"]
