@@ -32,6 +32,7 @@ HOUSE = [
     {"gonio.flow"},
     {"gonio.evaluate"},
     {"gonio.brdf"},
+    {"gonio.picture"},
     {"gonio.geometry"},
     {"gonio.config"},
     {"gonio.atomic"},

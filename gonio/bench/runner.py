@@ -31,6 +31,7 @@ STUDIES = {
     "pretrain": "gonio.bench.flows.pretrain",
     "coverage": "gonio.bench.accuracy.coverage",
     "accuracy": "gonio.bench.accuracy.peers",
+    "scene": "gonio.bench.accuracy.picture_driven",
     "prior": "gonio.bench.accuracy.prior",
 }
 

@@ -23,6 +23,10 @@ class Target(Section):
     )
     power: float | None = Field(None, gt=0, le=1, description="default: 0.7 of unknown, 1 of energy")
     floor: Share = Field(0.1, description="of energy: share of the draws that is laid evenly")
+    scene: str | None = Field(
+        None, description="file of `gonio scene`: measure for that picture, p is multiplied by (w + scene_floor)"
+    )
+    scene_floor: float = Field(0.05, ge=1e-3, le=100, description="of what the picture never sees; w has the mean 1")
 
     @field_validator("channels", mode="before")
     @classmethod
@@ -81,6 +85,8 @@ class SamplerConfig(Section):
         kind = v.kind or ("unknown" if proposal == "auto" else "energy")
         if kind == "unknown" and proposal != "auto":
             raise ValueError(f"kind `unknown` is a target of proposal auto; with {proposal} use energy")
+        if v.scene is not None and kind != "unknown":
+            raise ValueError("scene: a target of kind `unknown` (proposal auto) takes it; leave kind and proposal out")
         channels = CHANNELS[kind] if v.channels is None else v.channels
         return v.model_copy(update={"kind": kind, "channels": channels, "power": v.power or POWER[kind]})
 
@@ -102,6 +108,9 @@ class Stop(Section):
     """When a run is good enough, whichever comes first."""
 
     energy_error: float | None = Field(None, gt=0, lt=10, description="estimated share of reflected energy misplaced")
+    scene_error: float | None = Field(
+        None, gt=0, lt=10, description="estimated share of the light off the material that is wrong in the picture"
+    )
     ess: float | None = Field(None, gt=0, description="effective samples of the chains together")
     unmeasured: int = Field(50, ge=1, description="readings in a row that fail before the run gives up")
 
@@ -155,12 +164,15 @@ class Material(Section):
             self.sampler.flow.start != "code" or self.symmetry != "isotropic"
         ):
             raise ValueError("sampler.flow.weights: a conditional flow of isotropic samples; it needs start: code")
+        if self.stop.scene_error is not None and self.sampler.target.scene is None:
+            raise ValueError("stop.scene_error: of which picture? name a file of `gonio scene` in sampler.target.scene")
         if channel == "luminance" and len(self.channels) != 3:
             raise ValueError("sampler.target.channels: luminance needs three channels (linear RGB)")
         if (
             self.budget.measurements is None
             and self.budget.rig_hours is None
             and self.stop.energy_error is None
+            and self.stop.scene_error is None
             and self.stop.ess is None
         ):
             raise ValueError(

@@ -34,6 +34,7 @@ def plan_text(material: Material, rig: RigConfig, out: Path | None = None) -> st
         ("truth", f"{material.truth}, {ready.origin}" if ready.truth else "none: the rig is real"),
         ("chain", f"{c.chains} x {c.proposal}, seed {material.seed}"),
         ("target", f"channels {target.channels}, power {target.power:g}, floor {target.floor:.0%} of the draws"),
+        *([("picture", f"{target.scene}, floor {target.scene_floor:g}")] if target.scene else []),
         ("rig", f"{rig.name} ({rig.depth}), {rig.kinematics.kind}, stay-out {rig.stay_out_deg:g} deg"),
         ("detector", _detector(rig)),
         ("reachable", f"{reachable.mean():.1%} of all pairs of directions, each weighted by its cosine"),
@@ -49,6 +50,8 @@ def plan_text(material: Material, rig: RigConfig, out: Path | None = None) -> st
             )
     if material.budget.rig_hours is not None:
         lines.append(("ends after", f"{material.budget.rig_hours:g} rig hours at most"))
+    if material.stop.scene_error is not None:
+        lines.append(("ends when", f"the estimated error in the picture is below {material.stop.scene_error:g}"))
     if material.stop.energy_error is not None:
         lines.append(("ends when", f"the estimated energy error is below {material.stop.energy_error:g}"))
     lines.append(("then", f"reconstruct with {material.reconstruct.model}"))

@@ -14,7 +14,7 @@ from gonio.config import Material
 from gonio.config.rig import RigConfig
 from gonio.rig.calibration import Dated, GeometryCalibration, RadiometryCalibration, load_calibration
 from gonio.rig.stale import stale
-from gonio.run.truth import truth_sha256
+from gonio.run.truth import scene_sha256, truth_sha256
 
 
 def provenance(material: Material, rig: RigConfig, origin: str) -> dict[str, Any]:
@@ -31,6 +31,7 @@ def provenance(material: Material, rig: RigConfig, origin: str) -> dict[str, Any
         "depth": rig.depth,
         "truth": origin,
         "truth_sha256": truth_sha256(material),
+        "scene_sha256": scene_sha256(material),
         "calibration": json.loads(rig.calibration.model_dump_json()),
         "calibrations": _calibrations(rig),
         "stale": stale(rig) if rig.calibration.allow_stale else {},

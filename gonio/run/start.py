@@ -20,7 +20,7 @@ from gonio.run.prepare import prepare
 from gonio.run.provenance import provenance
 from gonio.run.record.config import RunConfig, dump, read_config, write_config
 from gonio.run.record.store import Store
-from gonio.run.truth import find_truth, own_truth
+from gonio.run.truth import find_truth, own_truth, refuse_another_scene
 
 
 @dataclass
@@ -129,6 +129,7 @@ def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = (), *, a
                 f"--set {o}: a run keeps what its chain was started with; only budget, stop and reconstruct may change"
             )
     own_truth(folder)
+    refuse_another_scene(folder)
     truth, origin = find_truth(config.material, config.rig)
     store = Store.open(folder, write=True, **_care(config.rig))
     if overrides or stale:

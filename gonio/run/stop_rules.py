@@ -16,13 +16,16 @@ class GoodEnough:
 
     def __init__(self, material: Material, store: Store):
         self.material, self.store = material, store
-        self._next = 200
+        self._next = 200 if material.stop.scene_error is None else 64
         self.anisotropic = material.symmetry == "anisotropic"
         self._surrogate: Brdf | None = None
 
     def __call__(self, progress: Progress) -> str | None:
         stop = self.material.stop
-        if (stop.energy_error is None and stop.ess is None) or progress.measured < self._next:
+        if (
+            all(goal is None for goal in (stop.energy_error, stop.ess, stop.scene_error))
+            or progress.measured < self._next
+        ):
             return None
         self._next = int(1.25 * progress.measured) + 1
         if stop.ess is not None and (ess := self.effective_samples()) >= stop.ess:
@@ -31,6 +34,8 @@ class GoodEnough:
             progress.energy_error = self.energy_error()
             if progress.energy_error <= stop.energy_error:
                 return f"estimated energy error {progress.energy_error:.3f} (goal {stop.energy_error:g})"
+        if stop.scene_error is not None and (error := self.scene_error()) <= stop.scene_error:
+            return f"estimated error in the picture {error:.3f} (goal {stop.scene_error:g})"
         return None
 
     def fit_surrogate(self, wi: Array, wo: Array, f: Array, sigma: Array | None = None) -> Brdf | None:
@@ -54,6 +59,21 @@ class GoodEnough:
         from gonio.reconstruct.running import fit
 
         return float(fit(load_samples(self.store), anisotropic=self.anisotropic).energy_error_estimate)
+
+    def scene_error(self) -> float:
+        """Estimated share of the light off the material that is wrong in the picture that the run is for.
+
+        Raises ReconstructionError, PictureError.
+        """
+        from gonio import picture
+        from gonio.reconstruct.running import fit
+        from gonio.reconstruct.splines.expected_error import MEAN_OVER_68
+
+        assert self.material.sampler.target.scene is not None
+        seen = picture.load(self.material.sampler.target.scene)
+        brdf = fit(load_samples(self.store), anisotropic=self.anisotropic)
+        low, high = brdf.interval(seen.wi, seen.wo)
+        return seen.error(MEAN_OVER_68 * 0.5 * (high - low), brdf.eval(seen.wi, seen.wo))
 
     def effective_samples(self) -> float:
         """The smallest ESS of theta_h, theta_d and |phi_d| over the chains together; of a run that looks for the

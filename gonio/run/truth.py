@@ -34,6 +34,28 @@ def truth_sha256(material: Material) -> str:
     return "" if material.truth is None else _sha256(find(material.truth))
 
 
+def scene_sha256(material: Material) -> str:
+    """SHA-256 of the file of the picture that the run is for; "" where there is none."""
+    from gonio import picture
+
+    scene = material.sampler.target.scene
+    return "" if scene is None else picture.sha256(scene)
+
+
+def refuse_another_scene(folder: str | os.PathLike[str]) -> None:
+    """Raises ConfigError where the file of the run's picture is missing, or not the one it began with."""
+    material = read_config(folder).material
+    with Store.open(folder, write=False) as store:
+        began = store.get("provenance", {}).get("scene_sha256", "")
+    try:
+        same = scene_sha256(material) == began
+    except OSError:
+        same = False
+    if not same:
+        scene = material.sampler.target.scene
+        raise ConfigError(f"{folder}: {scene} is missing or not the file that the run began with; put that back")
+
+
 def open_truth(name: str) -> Brdf:
     """A BRDF by path or by a material's name."""
     return gonio.load_brdf(find(name).path)

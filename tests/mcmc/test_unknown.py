@@ -150,6 +150,18 @@ def test_chains_reach_the_epochs_target_whatever_the_reconstruction_is_worth(alp
     assert p_value(sampler, bins_of(sampler)) > 1e-3
 
 
+def test_chains_of_a_picture_reach_its_target():
+    """w multiplies the target; a chain that forgets it does not get there (negative control)."""
+
+    def asked(wi, wo):  # light from one side of the sky, seen at grazing angles
+        return np.log(0.05 + np.where((wo[:, 2] < 0.5) & (wi[:, 2] > 0.5), 4.0, 0.0))
+
+    sampler = run(UnknownPlan(surrogate(0.6), anisotropic=False, adapt=False, asked=asked), 500, 12)
+    assert p_value(sampler, bins_of(sampler)) > 1e-3
+    plain = run(UnknownPlan(surrogate(0.6), anisotropic=False, adapt=False), 500, 12)
+    assert p_value(plain, bins_of(sampler)) < 1e-6
+
+
 def test_negative_control_draws_whose_thinning_is_forgotten_are_found(monkeypatch):
     """The density of the candidates in place of that of the draws."""
     monkeypatch.setattr(Epoch, "log_prob", lambda self, wi, wo: self.pool.log_prob(wi, wo))

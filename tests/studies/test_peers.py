@@ -63,14 +63,14 @@ def test_nielsen_knows_materials():
     """20 directions tell more of a network than 3 do, though its kin is left out."""
     from gonio.bench.drive import truth_of
 
-    name = next(n for n in nielsen.names_of(str(nielsen.archive())) if "paper" in n)
+    name = next(n for n in nielsen.names_of(str(nielsen.archive())) if "red-fabric2" in n)
     truth = truth_of(f"{nielsen.archive()}:{name}")
     errors = []
     for n in (3, 20):
         s = session(truth, name)
         nielsen.look(s, n, np.random.default_rng(1))
         errors.append(evaluate(nielsen.own(s), truth, n=1000)["energy_mean"])
-    assert errors[1] < 0.25 and errors[1] < 0.8 * errors[0]
+    assert errors[1] < 0.2 and errors[1] < 0.5 * errors[0]
     everyone = 3 * len(nielsen.names_of(str(nielsen.archive())))
     assert nielsen.Known.of(nielsen.kin(name)).count < everyone == nielsen.Known.of("nobody").count
 

@@ -9,7 +9,10 @@ leaves it alone. One that designs its blocks as a whole offers `pilot()` and `de
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from gonio.config.material import SamplerConfig
+from gonio.config.material import Target as TargetConfig
 from gonio.geometry import Array
 from gonio.mcmc.proposals.independence import Independence, single_lobe
 from gonio.mcmc.proposals.pss_simple import PssSimple
@@ -72,7 +75,14 @@ def make_plan(
     if c.target.kind == "unknown":
         from gonio.mcmc.plans.unknown import UnknownPlan
 
-        return UnknownPlan(fit_surrogate, anisotropic=anisotropic, reachable=reachable, cuts=cuts, adapt=bool(c.adapt))
+        return UnknownPlan(
+            fit_surrogate,
+            anisotropic=anisotropic,
+            reachable=reachable,
+            cuts=cuts,
+            adapt=bool(c.adapt),
+            asked=_asked(c.target),
+        )
     if c.proposal == "auto":
         from gonio.mcmc.plans.auto import Auto
 
@@ -92,6 +102,16 @@ def make_plan(
 
         return Delayed(plain_proposal(c.inner, c, anisotropic), fit_surrogate)
     return Fixed(plain_proposal(c.proposal, c, anisotropic), c.block if c.proposal == "independence" else 1)
+
+
+def _asked(target: TargetConfig) -> Callable[[Array, Array], Array] | None:
+    """log (w + floor) of the picture that a target names. Raises PictureError."""
+    if target.scene is None:
+        return None
+    from gonio import picture
+
+    w = picture.load(target.scene)
+    return lambda wi, wo: np.log((w(wi, wo) + target.scene_floor) / (1 + target.scene_floor))
 
 
 def make_target(c: SamplerConfig, channels: int) -> Target:

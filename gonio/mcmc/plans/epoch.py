@@ -8,8 +8,10 @@ s(f) cos(theta_o) is the energy that the referee counts there, as a share of the
 angle that a volume of the reconstruction's own coordinates stands for; g by how much samples around are missed when
 they are left out. So E is the error to be expected per volume, E^beta the density of samples that it deserves; n is
 how empty it is around, for that density: what was measured already is left alone (docs/sampling.md: what else was
-tried). All but s(f) is frozen for the epoch, made of what was measured before without the points where chains now are
-(Holden, Hauge & Holden 2009); f enters as measured, so that a draw can be refused for the reading it led to.
+tried). Of a run for one picture (gonio.picture) E is multiplied by w + its floor and is no share of an albedo: what
+counts is the light in the picture. All but s(f) is frozen for the epoch, made of what was measured before without the
+points where chains now are (Holden, Hauge & Holden 2009); f enters as measured, so that a draw can be refused for the
+reading it led to.
 
 A candidate y of density b is drawn with probability r(y) = min(1, c p^(y) / b(y)), p^ the target with the running
 reconstruction for f. What is drawn has the density q = b r / a, a = E_b[r], whatever p^ is worth.
@@ -62,13 +64,22 @@ class View:
 class Epoch:
     """The frozen part of the target (`Unknown.epoch`) and the density of draws from it.
 
-    measured: wi, wo (N, 3) of what the epoch knows; support(wi, wo) -> (N,) bool, what the rig reaches.
+    measured: wi, wo (N, 3) of what the epoch knows; support(wi, wo) -> (N,) bool, what the rig reaches. asked: log (w +
+    floor) of pairs, (N,), of a run for one picture.
     """
 
-    def __init__(self, running: Running, target: Unknown, measured: tuple[Array, Array], support: Callable, rng):
+    def __init__(
+        self,
+        running: Running,
+        target: Unknown,
+        measured: tuple[Array, Array],
+        support: Callable,
+        rng: np.random.Generator,
+        asked: Callable[[Array, Array], Array] | None = None,
+    ):
         from scipy.spatial import cKDTree
 
-        self.running, self.target, self.support = running, target, support
+        self.running, self.target, self.support, self.asked = running, target, support, asked
         self.pool = Pool(0.25 * running.t0)
         self.occupied = running.coordinates(*measured)
         self._tree = cKDTree(self.occupied)
@@ -90,7 +101,7 @@ class Epoch:
 
     def _bands(self, wi: Array, wo: Array, log_b: Array) -> tuple[Array, Array]:
         """By band of theta_i: the inverse of every channel's energy (BANDS, C), and of that of f = 1, (BANDS,)."""
-        weight, band = np.exp(-log_b) * wo[:, 2], band_of(wi)
+        weight, band = np.exp(-log_b) * wo[:, 2], self._band(wi)
         f = np.maximum(self.running.eval(wi, wo), 0)
         scale = max(float(f.max(initial=0.0)), TINY)
         f = f / scale
@@ -115,13 +126,17 @@ class Epoch:
 
     # ---- the target
 
+    def _band(self, wi: Array):
+        """Which band of theta_i, (N,); of a run for a picture all are one: it says itself how much each counts."""
+        return band_of(wi) if self.asked is None else np.zeros(len(wi), int)
+
     def inverse_albedo(self, wi: Array) -> Array:
         """(N, C): with it, every band of theta_i has the same energy."""
-        return self._inverse_albedo[band_of(wi)]
+        return self._inverse_albedo[self._band(wi)]
 
     def floor(self, wi: Array) -> Array:
         """(N,), in units of s: FLOOR of a band's energy."""
-        return FLOOR / (1 - FLOOR) * self._inverse_even[band_of(wi)]
+        return FLOOR / (1 - FLOOR) * self._inverse_even[self._band(wi)]
 
     def view(self, wi: Array, wo: Array) -> View:
         """In parts that fit into memory, however many channels there are."""
@@ -133,7 +148,7 @@ class Epoch:
 
     def _view(self, wi: Array, wo: Array) -> View:
         x, m = self.running.coordinates(wi, wo), np.log(self.running.measure(wi, wo) + TINY)
-        v = np.where(to_angles(wi)[0] > GRAZING, np.log(LIGHTER), 0.0)
+        v = np.where(to_angles(wi)[0] > GRAZING, np.log(LIGHTER), 0.0) if self.asked is None else self.asked(wi, wo)
         rest = self.target.power * (np.log(wo[:, 2]) + v + m + np.log(self.running.roughness(wi, wo)))
         expected = self.target.log_strength(self.running.eval(wi, wo), self.inverse_albedo(wi), self.floor(wi))
         hole = np.clip(self._holes(x, rest + expected) / self._usual, AT_LEAST, AT_MOST)

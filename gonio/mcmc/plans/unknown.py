@@ -52,7 +52,8 @@ class Block:
 
 class UnknownPlan:
     """fit(wi, wo, f, sigma) -> Running makes the running reconstruction, or None where it cannot yet. reachable(wi, wo)
-    -> (N,) bool as in `Sampler`. cuts: counts of measurements at which a block has to end, the budgets of the run."""
+    -> (N,) bool as in `Sampler`. cuts: counts of measurements at which a block has to end, the budgets of the run.
+    asked: as in `Epoch`."""
 
     learns, screen = True, None
     uniforms = normals = 0
@@ -65,8 +66,9 @@ class UnknownPlan:
         reachable: Callable | None = None,
         cuts: tuple[int, ...] = (),
         adapt: bool = True,
+        asked: Callable | None = None,
     ):
-        self.fit, self.anisotropic, self.cuts, self.adapt = fit, anisotropic, cuts, adapt
+        self.fit, self.anisotropic, self.cuts, self.adapt, self.asked = fit, anisotropic, cuts, adapt, asked
         self.support = reachable or (lambda wi, wo: np.ones(len(wi), bool))
         self.kernels = [(self, 1)]
         self.epoch: Epoch | None = None
@@ -95,7 +97,7 @@ class UnknownPlan:
         if self.fit is not None and len(s["f"]):
             running = self.fit(s["wi"], s["wo"], s["f"], s["sigma"]) or running
         rng = _generator((int(s["key"][0]), int(s["key"][1])), 0)
-        self.epoch = Epoch(running, target, (s["wi"], s["wo"]), self.support, rng)
+        self.epoch = Epoch(running, target, (s["wi"], s["wo"]), self.support, rng, self.asked)
         target.epoch = self.epoch
 
     def _size(self, asked: int) -> int:
