@@ -27,6 +27,13 @@ def unit(v: Array) -> Array:
     return np.where(scale > 0, w, np.array([0.0, 0.0, 1.0]))
 
 
+def directions(w: Array) -> Array:
+    """(N, 3) float64. Of float32 the unit vectors nearest: they are 1e-7 off in length, which near the mirror
+    direction, where the difference of the two is small, would be half of theta_h."""
+    w = np.atleast_2d(np.asarray(w))
+    return w if w.dtype == np.float64 else unit(w)
+
+
 def from_angles(theta: Array | float, phi: Array | float) -> Array:
     """Unit vectors (N, 3) of elevation theta (from the normal) and azimuth phi."""
     theta, phi = np.broadcast_arrays(np.asarray(theta, float), np.asarray(phi, float))
@@ -53,7 +60,7 @@ def to_half_diff(wi: Array, wo: Array) -> tuple[Array, Array, Array, Array]:
     into the shorter of the two, where it is an absolute error of 1e-16, so that pairs with wi near wo (theta_d = 0)
     and wi near -wo (theta_d = pi/2) survive the round trip to the last digits.
     """
-    wi, wo = np.asarray(wi, float), np.asarray(wo, float)
+    wi, wo = directions(wi), directions(wo)
     s, t = wi + wo, wi - wo
     ss, tt, st = _dot(s, s), _dot(t, t), _dot(s, t)
     short_s = (ss < tt)[..., None]
@@ -84,11 +91,17 @@ def from_half_diff(theta_h: Array, phi_h: Array, theta_d: Array, phi_d: Array) -
 
 def half_vector(wi: Array, wo: Array) -> Array:
     """normalize(wi + wo), (N, 3)."""
-    s = np.asarray(wi, float) + np.asarray(wo, float)
+    s = directions(wi) + directions(wo)
     length = np.sqrt(_dot(s, s))[..., None]
     if np.all(length > 1e-150):
         return s / length
     return unit(s)  # opposite directions: no half vector, the z axis stands in
+
+
+def cos_theta_d(wi: Array, wo: Array) -> Array:
+    """wi.h = wo.h = |wi + wo| / 2, (N,): the dot product loses its digits where both lie near the horizon, opposite."""
+    s = directions(wi) + directions(wo)
+    return 0.5 * np.sqrt(_dot(s, s))
 
 
 def reflect(w: Array, h: Array) -> Array:

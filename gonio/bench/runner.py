@@ -32,6 +32,7 @@ STUDIES = {
     "coverage": "gonio.bench.accuracy.coverage",
     "accuracy": "gonio.bench.accuracy.peers",
     "scene": "gonio.bench.accuracy.picture_driven",
+    "stability": "gonio.bench.stability.study",
     "prior": "gonio.bench.accuracy.prior",
 }
 

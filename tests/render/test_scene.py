@@ -167,9 +167,7 @@ def test_scene_to_run(mi, tmp_path, monkeypatch):
     rig = load_config(find_config("ideal", "rigs"), RigConfig)
     runs = {}
     for name, more in (("plain", {}), ("for it", {"sampler": asked, "stop": {"scene_error": 0.2}})):
-        run = start(
-            Material.model_validate(base | more), load_config(find_config("ideal", "rigs"), RigConfig), tmp_path / name
-        )
+        run = start(Material.model_validate(base | more), rig, tmp_path / name)
         reason = run()
         m = run.store.measured()
         run.close()

@@ -10,7 +10,7 @@ import numpy as np
 
 from gonio.brdf.models.fresnel import conductor
 from gonio.brdf.models.lambert import cosine_hemisphere, cosine_pdf
-from gonio.geometry import Array, half_vector, reflect, unit
+from gonio.geometry import Array, cos_theta_d, directions, half_vector, reflect, unit
 
 DIFFUSE_SHARE = 0.3  # of the draws; the rest follow S
 
@@ -30,7 +30,7 @@ class Abc:
         return len(self.kd)
 
     def eval(self, wi: Array, wo: Array) -> Array:
-        wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
+        wi, wo = directions(wi), directions(wo)
         out = np.zeros((len(wi), self.channels))
         above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         out[above] = self.kd / np.pi + self.a * lobe(wi[above], wo[above], self.b, self.c, self.eta)[:, None]
@@ -46,11 +46,12 @@ class Abc:
         return wo, self.pdf(wi, wo)
 
     def pdf(self, wi: Array, wo: Array) -> Array:
+        wi, wo = directions(wi), directions(wo)
         above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         out = np.zeros(len(wi))
         h = half_vector(wi[above], wo[above])
         density = (1 + self.b * one_minus_cos(h)) ** -self.c / (2 * np.pi * _integral(self.b, self.c))
-        lobe_pdf = density / (4 * np.einsum("ni,ni->n", wi[above], h))
+        lobe_pdf = density / (4 * cos_theta_d(wi[above], wo[above]))
         out[above] = DIFFUSE_SHARE * cosine_pdf(wo[above]) + (1 - DIFFUSE_SHARE) * lobe_pdf
         return out
 
@@ -65,7 +66,7 @@ class Abc:
 def lobe(wi: Array, wo: Array, b: float, c: float, eta: float) -> Array:
     """F S G / (cos(theta_i) cos(theta_o)) at a = 1, (N,); both directions above the horizon."""
     h = half_vector(wi, wo)
-    cos_d = np.einsum("ni,ni->n", wi, h)
+    cos_d = cos_theta_d(wi, wo)
     fresnel = conductor(cos_d, np.array([eta]), np.array([0.0]))[:, 0]
     g = np.minimum(1, 2 * h[:, 2] * np.minimum(wi[:, 2], wo[:, 2]) / cos_d)
     return fresnel * g * (1 + b * one_minus_cos(h)) ** -c / (wi[:, 2] * wo[:, 2])

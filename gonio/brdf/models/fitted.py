@@ -15,7 +15,7 @@ from gonio.brdf.base import BrdfFileError
 from gonio.brdf.models.lambert import Lambert
 from gonio.brdf.models.microfacet import Ggx
 from gonio.brdf.models.mixture import Mixture
-from gonio.geometry import Array, to_half_diff
+from gonio.geometry import Array, directions, to_half_diff
 
 SPLINES = 6
 MOST_BYTES = 100_000  # a hundred times what ships
@@ -54,7 +54,7 @@ class FittedBrdf:
         return self.colour.shape[-1]
 
     def eval(self, wi: Array, wo: Array) -> Array:
-        wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
+        wi, wo = directions(wi), directions(wo)
         out = np.zeros((len(wi), self.channels))
         above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         a, b = wi[above], wo[above]

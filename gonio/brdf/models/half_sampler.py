@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gonio.geometry import Array, half_vector, reflect, to_angles
+from gonio.geometry import Array, cos_theta_d, half_vector, reflect, to_angles
 
 
 class HalfSampler:
@@ -41,6 +41,6 @@ class HalfSampler:
         theta_h, _ = to_angles(h)
         k = np.searchsorted(self.edges, theta_h, "right") - 1
         density = np.where((k >= 0) & (k < len(self.mass)), self._density[np.clip(k, 0, len(self.mass) - 1)], 0)
-        lobe = density / (4 * np.einsum("ni,ni->n", wi[above], h))
+        lobe = density / (4 * cos_theta_d(wi[above], wo[above]))
         out[above] = self.diffuse * wo[above, 2] / np.pi + (1 - self.diffuse) * lobe
         return out

@@ -9,7 +9,7 @@ import numpy as np
 
 from gonio.brdf.models.fresnel import conductor, schlick
 from gonio.brdf.models.ndf import BeckmannNdf, GgxNdf, Normals
-from gonio.geometry import Array, half_vector, reflect
+from gonio.geometry import Array, cos_theta_d, directions, half_vector, reflect
 
 
 class Microfacet:
@@ -40,7 +40,7 @@ class Microfacet:
         return len(self.weight)
 
     def eval(self, wi: Array, wo: Array) -> Array:
-        wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
+        wi, wo = directions(wi), directions(wo)
         above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         if above.all():
             return self._eval(wi, wo)
@@ -50,7 +50,7 @@ class Microfacet:
 
     def _eval(self, a: Array, b: Array) -> Array:
         h = half_vector(a, b)
-        c = np.einsum("ni,ni->n", a, h)
+        c = cos_theta_d(a, b)
         fresnel = schlick(c, self.f0) if self.f0 is not None else conductor(c, self.eta, self.k)
         shape = self.ndf.d(h) / ((1 + self.ndf.smith_lambda(a) + self.ndf.smith_lambda(b)) * 4 * a[:, 2] * b[:, 2])
         return self.weight * fresnel * shape[:, None]
@@ -62,11 +62,12 @@ class Microfacet:
 
     def pdf(self, wi: Array, wo: Array) -> Array:
         """The normals' density over |dwo/dh| = 4 (wi.h); draws that fell below the horizon are lost."""
+        wi, wo = directions(wi), directions(wo)
         above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         out = np.zeros(len(wi))
         a, b = wi[above], wo[above]
         h = half_vector(a, b)
-        out[above] = self.ndf.pdf(a, h) / (4 * np.einsum("ni,ni->n", a, h))
+        out[above] = self.ndf.pdf(a, h) / (4 * np.einsum("ni,ni->n", a, h))  # the very factor that some normals have
         return out
 
     def to_arrays(self) -> dict[str, Array]:

@@ -13,7 +13,7 @@ import numpy as np
 from gonio.brdf.models.half_sampler import HalfSampler
 from gonio.brdf.surfaces.horizons import AZIMUTHS, horizons
 from gonio.brdf.surfaces.shapes import Shape, normals
-from gonio.geometry import Array, half_vector
+from gonio.geometry import Array, directions, half_vector
 
 POINTS = 4096
 GROUPS = 8  # of points, for the error
@@ -53,7 +53,7 @@ class MicroSurface:
 
     def _by_group(self, wi: Array, wo: Array) -> Array:
         """f of each group of points alone, (GROUPS, N, 3)."""
-        wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
+        wi, wo = directions(wi), directions(wo)
         out = np.zeros((GROUPS, len(wi), 3))
         up = np.flatnonzero((wi[:, 2] > 0) & (wo[:, 2] > 0))
         for start in range(0, len(up), CHUNK):

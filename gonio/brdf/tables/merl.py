@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gonio.atomic import replacing
 from gonio.brdf.base import BrdfFileError
 from gonio.brdf.models.half_sampler import HalfSampler
-from gonio.geometry import Array, to_half_diff
+from gonio.geometry import Array, directions, to_half_diff
 
 SHAPE = (90, 90, 180)
 SCALE = np.array([1.0, 1.15, 1.66]) / 1500
@@ -54,7 +54,7 @@ class MerlBrdf:
         return cls(read_merl(source, name))
 
     def eval(self, wi: Array, wo: Array) -> Array:
-        wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
+        wi, wo = directions(wi), directions(wo)
         out = np.zeros((len(wi), 3))
         above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         theta_h, _, theta_d, phi_d = to_half_diff(wi[above], wo[above])

@@ -7,7 +7,7 @@ import numpy as np
 from gonio.brdf.base import BrdfFileError
 from gonio.brdf.models.half_sampler import HalfSampler
 from gonio.brdf.saved import read_arrays
-from gonio.geometry import Array, to_half_diff
+from gonio.geometry import Array, directions, to_half_diff
 
 LAYERS = ((6, 21), (21,), (21, 21), (21,), (21, 3), (3,))
 
@@ -50,7 +50,7 @@ class NetworkBrdf:
         return cls(w)
 
     def eval(self, wi: Array, wo: Array) -> Array:
-        wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
+        wi, wo = directions(wi), directions(wo)
         out = np.zeros((len(wi), 3))
         above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         theta_h, _, theta_d, phi_d = to_half_diff(wi[above], wo[above])

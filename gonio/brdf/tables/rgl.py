@@ -14,7 +14,7 @@ import numpy as np
 from gonio.brdf.base import BrdfFileError
 from gonio.brdf.tables.tensor_file import read_tensor_file
 from gonio.brdf.tables.warp import Corners, Interpolant, ParameterGrid, Warp
-from gonio.geometry import Array, half_vector, reflect, to_angles
+from gonio.geometry import Array, directions, half_vector, reflect, to_angles
 
 POLE = 1e-4  # the density is evaluated no nearer to x = 0, where it is 0/0
 CHUNK = 8192  # pairs at a time: the working set stays in the processor's cache
@@ -71,7 +71,7 @@ class RglBrdf:
 
     def eval(self, wi: Array, wo: Array) -> Array:
         """f (N, C) in 1/sr: the table's value over cos(theta_o)."""
-        wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
+        wi, wo = directions(wi), directions(wo)
         out = np.zeros((len(wi), self.channels))
         above = np.flatnonzero((wi[:, 2] > 0) & (wo[:, 2] > 0))
         for at in range(0, len(above), CHUNK):
@@ -81,7 +81,7 @@ class RglBrdf:
 
     def pdf(self, wi: Array, wo: Array) -> Array:
         """Density of `sample` in solid angle, (N,)."""
-        wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
+        wi, wo = directions(wi), directions(wo)
         out = np.zeros(len(wi))
         above = np.flatnonzero((wi[:, 2] > 0) & (wo[:, 2] > 0))
         for at in range(0, len(above), CHUNK):

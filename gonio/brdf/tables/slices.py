@@ -9,7 +9,7 @@ import numpy as np
 
 from gonio.brdf.models.ndf import GgxNdf
 from gonio.brdf.tables.warp import Corners, Interpolant, ParameterGrid, Warp
-from gonio.geometry import Array, from_angles, half_vector, reflect, to_angles
+from gonio.geometry import Array, directions, from_angles, half_vector, reflect, to_angles
 
 
 class SlicesBrdf:
@@ -29,7 +29,7 @@ class SlicesBrdf:
         return self.weight_grid.shape[-1]
 
     def eval(self, wi: Array, wo: Array) -> Array:
-        wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
+        wi, wo = directions(wi), directions(wo)
         out = np.zeros((len(wi), self.channels))
         above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         a, b = wi[above], wo[above]

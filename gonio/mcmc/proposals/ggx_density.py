@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gonio.geometry import Array, half_vector
+from gonio.geometry import Array, directions, half_vector
 
 LOG_4PI = np.log(4 * np.pi)
 
@@ -13,8 +13,9 @@ def log_vndf(wi: Array, wo: Array, alpha_x: Array | float, alpha_y: Array | floa
     The pdf in solid angle of wo of the GGX normals visible from wi (Heitz 2018). G1 / cos theta_i is written as
     2 / (cos theta_i + |alpha wi|): no division by a cosine near 0.
     """
+    wi, wo = directions(wi), directions(wo)
     h = half_vector(wi, wo)
-    ax, ay = np.atleast_1d(alpha_x), np.atleast_1d(alpha_y)
+    ax, ay = np.atleast_1d(np.asarray(alpha_x, float)), np.atleast_1d(np.asarray(alpha_y, float))
     slope = (h[:, 0:1] / ax) ** 2 + (h[:, 1:2] / ay) ** 2 + h[:, 2:3] ** 2
     stretched = np.sqrt((wi[:, 0:1] * ax) ** 2 + (wi[:, 1:2] * ay) ** 2 + wi[:, 2:3] ** 2)
     return -LOG_4PI - np.log(ax * ay) - 2 * np.log(slope) + np.log(2 / (wi[:, 2:3] + stretched))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gonio.geometry import Array
+from gonio.geometry import Array, directions
 from gonio.reconstruct.clean import clean
 from gonio.reconstruct.errors import ReconstructionError
 from gonio.reconstruct.prior.blend import Base, Blend
@@ -73,7 +73,7 @@ class AutoBrdf:
         """
         if not 0 < level < 1:
             raise ValueError(f"level must lie between 0 and 1, not {level}")
-        wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
+        wi, wo = directions(wi), directions(wo)
         low, high = np.zeros((2, len(wi), self.channels))
         up = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         if up.any():

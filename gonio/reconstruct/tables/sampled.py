@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gonio.geometry import Array
+from gonio.geometry import Array, directions
 from gonio.reconstruct.splines.frame import Frame
 from gonio.reconstruct.splines.grain import Grain
 from gonio.reconstruct.tables.half_grid import HalfGrid
@@ -24,7 +24,7 @@ class Sampled:
         raise NotImplementedError
 
     def eval(self, wi: Array, wo: Array) -> Array:
-        wi, wo = np.atleast_2d(np.asarray(wi, float)), np.atleast_2d(np.asarray(wo, float))
+        wi, wo = directions(wi), directions(wo)
         out = np.zeros((len(wi), self.channels))
         for start in range(0, len(wi), CHUNK):
             part = slice(start, start + CHUNK)
