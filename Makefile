@@ -12,11 +12,12 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MPLCONFIGDIR := $(abspath $(VENV))/matplotlib
 
-.PHONY: help demo test test-all lint clean
+.PHONY: help demo test test-all bench-quick lint clean
 help:
 	@echo "make demo   measure chm_orange on a simulated rig: BRDF, .bsdf and report in $(RUN)"
 	@echo "make test   the test suite without its slow tests"
 	@echo "make test-all   the whole test suite"
+	@echo "make bench-quick   warn of what became slow (1 min)"
 	@echo "make lint   ruff, types, import directions"
 
 $(VENV)/base: pyproject.toml
@@ -41,6 +42,10 @@ test: $(VENV)/all
 
 test-all: $(VENV)/all
 	$(BIN)/python -m pytest -n 2 --dist worksteal
+
+# warns of what became slow beside the committed reference, as ratios to a calibration loop; fails never
+bench-quick: $(VENV)/all
+	@$(BIN)/gonio bench quick || true
 
 lint: $(VENV)/all
 	$(BIN)/ruff check .

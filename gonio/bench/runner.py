@@ -33,6 +33,9 @@ STUDIES = {
     "accuracy": "gonio.bench.accuracy.peers",
     "scene": "gonio.bench.accuracy.picture_driven",
     "stability": "gonio.bench.stability.study",
+    "skips": "gonio.bench.accuracy.skips",
+    "growth": "gonio.bench.speed.growth",
+    "quick": "gonio.bench.speed.quick",
     "prior": "gonio.bench.accuracy.prior",
 }
 

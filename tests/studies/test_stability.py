@@ -26,7 +26,8 @@ def test_extended_numbers_and_fifty_digits_say_the_same():
     x = Inputs.of(adversarial(np.random.default_rng(3), 60))
     for case in CASES:
         if case.extended:
-            assert np.allclose(errors(case, x, "extended"), errors(case, x), rtol=0.05, atol=1e-15), case.name
+            exact = errors(case, x)
+            assert np.abs(errors(case, x, "extended") - exact).max() < 0.3 * exact.max() + 1e-15, case.name
 
 
 def test_negative_control_the_textbooks_forms_are_found():
