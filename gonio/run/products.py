@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import gonio
+from gonio.brdf import Brdf
 from gonio.brdf.library import find
 from gonio.config import ConfigError
 from gonio.run.record.config import read_config
@@ -70,7 +71,20 @@ def evaluate_run(path: str, truth: str | None) -> dict[str, float]:
     brdf, reference = gonio.load_brdf(path), open_truth(truth)
     if brdf.channels != reference.channels:
         raise ConfigError(f"--truth {truth}: has {reference.channels} channels, {path} has {brdf.channels}")
-    return evaluate(brdf, reference)
+    return evaluate(brdf, reference) | _in_the_picture(path, brdf, reference)
+
+
+def _in_the_picture(path: str, brdf: Brdf, truth: Brdf) -> dict[str, float]:
+    """`scene_error`, the share of the light off the material that is wrong in the picture that a run was for."""
+    from gonio import picture
+
+    if not (Path(path) / "config.yaml").is_file():
+        return {}
+    if (scene := read_config(path).material.sampler.target.scene) is None:
+        return {}
+    seen = picture.load(scene)
+    f = truth.eval(seen.wi, seen.wo)
+    return {"scene_error": seen.error(abs(brdf.eval(seen.wi, seen.wo) - f), f)}
 
 
 def albedo_of_run(path: str) -> "AlbedoOfRun":

@@ -174,6 +174,13 @@ def test_scene_to_run(mi, tmp_path, monkeypatch):
         runs[name] = seen(m.asked[24:, :3], m.asked[24:, 3:]).mean(), reason
     assert runs["for it"][0] > 1.3 * runs["plain"][0]
     assert "estimated error in the picture" in runs["for it"][1] and "budget" in runs["plain"][1]
+    from gonio.run.products import evaluate_run, make_brdf
+
+    errors = []
+    for name in runs:
+        make_brdf(tmp_path / name)
+        errors.append(evaluate_run(str(tmp_path / name), None).get("scene_error"))
+    assert errors[0] is None and 0 < errors[1] < 0.3
     made().save("panel.npz")
     with pytest.raises(ConfigError, match=r"panel.npz is missing or not the file that the run began with"):
         resume(tmp_path / "for it")
