@@ -149,6 +149,7 @@ class Session:
             "curve_rms": rms,
             "certificate_u": float(u.mean()),
             "reference": self.said,
+            "detector": rig.config.detector_kind,
         }
         return RadiometryCalibration(**stamp("radiometry", found, rig.config, rig.simulated), **found)
 
@@ -199,7 +200,7 @@ class Session:
         if np.any(np.median(light, 0) < 20):
             raise CalibrationMissing("radiometry: the reference is hardly brighter than the dark; is the lamp on?")
         self.curve: Curve = fit_curve(
-            self.points, self.dark, rig.config.photodiode.ranges, (self.steady.drift, self.steady.drift_sigma)
+            self.points, self.dark, len(rig.config.full_scales), (self.steady.drift, self.steady.drift_sigma)
         )
 
     def _points(self, rig: StagedRig, level: int, seconds: float, time: float) -> list[Point]:

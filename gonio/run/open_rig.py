@@ -35,9 +35,8 @@ def open_rig(
     if truth is None:
         raise ConfigError(f"truth: missing; rig {config.name} is simulated and needs a BRDF to show")
     if config.channels not in (None, truth.channels):
-        raise ConfigError(
-            f"camera.channels: rig {config.name} names {config.channels} planes, the truth has {truth.channels}"
-        )
+        what = "camera.channels" if config.detector == "camera" else "detector"
+        raise ConfigError(f"{what}: rig {config.name} has {config.channels} channels, the truth {truth.channels}")
     from sim.sample import Sample
 
     half = np.radians([config.acceptance.light_half_angle_deg, config.acceptance.detector_half_angle_deg])
@@ -80,8 +79,8 @@ def _open_wire(config: RigConfig, sample, seed: int, plan: PlanConfig, isotropic
         frames = _frames(config, emulators, sample, seed) if config.detector == "camera" else None
         announce = lambda number: [each.announce(number) for each in (emulators, frames) if each]
         rig = _family(config, "drivers.rig").assemble(
-            config, emulators.devices, plan, isotropic, emulators.clock,
-            simulated=True, announce=announce, make=WireRig, frames=frames, even=frames.even if frames else None,
+            emulators.config, emulators.devices, plan, isotropic, emulators.clock,
+            simulated=True, announce=announce, rig_of=WireRig, frames=frames, even=frames.even if frames else None,
         )  # fmt: skip
     except BaseException:
         emulators.close()

@@ -4,15 +4,19 @@ from functools import lru_cache
 
 import numpy as np
 
-from gonio.config.rig import DevicesConfig, InstrumentPortConfig, RigConfig, ServoBusConfig
+from gonio.config.devices import DevicesConfig, InstrumentPortConfig, LampConfig, ServoBusConfig
+from gonio.config.instrument import TextSection
+from gonio.config.rig import RigConfig
 from gonio.geometry import Array
 from gonio.rig.build import backlash_of, envelope_of, geometry_calibration, park_pose
 from gonio.rig.clock import ScaledClock
 from sim.light import SimLight
 from sim.sample import Sample
 from sim.wire.folder import Folder
+from sim.wire.instruments import instrument
 from sim.wire.light import WireLight
 from sim.wire.line import Device, Line, Server
+from sim.wire.meter import Meter
 from sim.wire.photodiode import WirePhotodiode
 from sim.wire.servo import COUNT_DEG, Servo
 from sim.wire.servo_bus import ServoBus
@@ -20,12 +24,13 @@ from sim.world import TrueRig
 
 
 class Emulators:
-    """Servos, photodiode and lamp that show `sample`; `devices` says on which ports."""
+    """Servos, lamp, and photodiode or another instrument, that show `sample`; `devices` and `config` say on which
+    ports."""
 
     def __init__(self, config: RigConfig, sample: Sample, seed: int):
         self.clock = ScaledClock(config.clock_scale)
         given = config.devices.stage
-        ids = given.ids if given else {name: k for k, name in enumerate(config.axis_names, 1)}
+        ids = given.ids if isinstance(given, ServoBusConfig) else {name: k for k, name in enumerate(config.axis_names, 1)}
         envelope = envelope_of(config, geometry_calibration(config))
         rest = np.degrees(envelope.snap(park_pose(config)))
         true = None if config.world is None else TrueRig(config, sample.channels)
@@ -63,21 +68,33 @@ class Emulators:
             config.photodiode, scene, sample.channels, config.exposure_s, seed, self.clock, true
         )
         self.bus, self.light = ServoBus(self.servos), WireLight(lamp)
+        self.meter = self.instrument = None
+        if isinstance(config.detector, TextSection):
+            self.meter = Meter(config.photodiode, scene, config.detector.white, seed, self.clock)
+            self.instrument = instrument(config.detector.instrument.name, self.meter)
         self._folder = Folder()
         self.folder = self._folder.path
         devices: dict[str, Device] = {"stage": self.bus, "photodiode": self.photodiode, "light": self.light}
+        if self.instrument is not None:
+            devices["instrument"] = self.instrument
         self.lines = {name: Line(self.folder / name, device) for name, device in devices.items()}
         self.server = Server(list(self.lines.values()))
         port = {name: str(line.path) for name, line in self.lines.items()}
+        bus = given if isinstance(given, ServoBusConfig) else ServoBusConfig(port="-", ids=ids)
         self.devices = DevicesConfig(
-            stage=(given or ServoBusConfig(port="-", ids=ids)).model_copy(update={"port": port["stage"]}),
+            stage=bus.model_copy(update={"port": port["stage"]}),
             photodiode=InstrumentPortConfig(port=port["photodiode"]),
-            light=InstrumentPortConfig(port=port["light"]),
+            light=LampConfig(port=port["light"]),
         )
+
+        self.config = config
+        if isinstance(config.detector, TextSection):
+            detector = config.detector.model_copy(update={"port": port["instrument"]})
+            self.config = config.model_copy(update={"detector": detector})
 
     def announce(self, number: int) -> None:
         """The measurement that the next readings are for: their noise follows from it."""
-        self.photodiode.announce(number)
+        (self.meter or self.photodiode).announce(number)
 
     def state(self) -> dict[str, float]:
         """Where the shafts are: real ones stay there when the host dies."""
