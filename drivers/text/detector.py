@@ -95,7 +95,7 @@ class TextDetector:
         _, variance, steps = self._noise(value, seconds, scale)
         raw = {"exposure_s": seconds, "readings": n, "reply": answer.text[:200]}
         if np.isfinite(full):
-            raw |= {"range": [self._range] * self.channels, "full_scale": [full * scale] * self.channels}
+            raw |= {"range": [self._range] * self.channels, "full_scale": [float(full * scale)] * self.channels}
         return Reading(value, sigma_of(variance, steps, n), overload, raw)
 
     def _scale(self, seconds: float) -> float:

@@ -84,7 +84,7 @@ class TextInstrument:
 
     def _await_start(self) -> None:
         """Until it has said what it should. Raises DeviceFault, PortGone."""
-        first, begun = self._first(), time.monotonic()
+        first, begun, said = self._first(), time.monotonic(), None
         end = begun + self.boot_s + self.i.timeout_s
         if self.i.banner is not None and self.boot_s > 0:
             self._await_banner(begun + self.boot_s)
@@ -101,14 +101,23 @@ class TextInstrument:
                     self.identity = line
                     self._dirty = True  # an answer to an earlier question may still be on its way
                     return
+                said = line
             if time.monotonic() >= end:
-                heard = self.port.heard.strip()
-                if not heard:
+                if said is None:
                     self._silent(first.ask)
-                asked = f"to {first.ask} " if first.ask else ""
-                raise DeviceFault(
-                    self.name, f"says {shown(heard)} {asked}on {self.port.port}", f"check its port; else {DESCRIPTION}"
-                )
+                self._misunderstood(first, said)
+
+    def _misunderstood(self, first: Question, said: str) -> NoReturn:
+        """It answers, and never as it should."""
+        asked = f" to {first.ask}" if first.ask else ""
+        if self.i.identify is None:
+            try:
+                self.answers.read(said)
+            except ValueError as e:
+                raise DeviceFault(self.name, f"answered {shown(said.encode())}{asked}: {e}", DESCRIPTION) from None
+        raise DeviceFault(
+            self.name, f"says {shown(said.encode())}{asked} on {self.port.port}", f"check its port; else {DESCRIPTION}"
+        )
 
     def _first(self) -> Question:
         """What it is asked at first: who it is, or a reading."""

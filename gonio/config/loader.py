@@ -159,10 +159,12 @@ def _override(data: dict[str, Any], item: str, model: type[BaseModel]) -> None:
 
 
 def _explain(error: ValidationError, model: type[BaseModel], lines: Mapping[tuple, int], source: str, overrides) -> str:
-    first: Any = error.errors(include_url=False)[0]
+    all_of_them: list[Any] = error.errors(include_url=False)
+    # of a key that is a word or a section, what is wrong with the section
+    first = next((e for e in all_of_them if isinstance(e.get("ctx", {}).get("error"), SectionError)), all_of_them[0])
     loc, known = tuple(first["loc"]), None
     while isinstance(inner := first.get("ctx", {}).get("error"), SectionError):
-        loc = (*(k for k in loc if not str(k).startswith("function-")), *inner.first["loc"])
+        loc = (*(k for n, k in enumerate(loc) if loc[: n + 1] in lines), *inner.first["loc"])
         first, known = inner.first, inner.model.model_fields
     keys = tuple(
         k for k in loc if (*loc[: loc.index(k)], k) in lines or not str(k).startswith(("function-", "literal"))

@@ -15,6 +15,8 @@ from typing import Protocol
 
 import numpy as np
 
+FULL_S = 1.0  # that a host may leave a terminal full; the rest is lost then
+
 
 class Device(Protocol):
     """What sits at the far end of a line. busy_s: machine seconds that it takes for its last answer."""
@@ -162,9 +164,13 @@ class Server(threading.Thread):
             self._write(line, text)
 
     def _write(self, line: Line, packet: bytes) -> None:
-        if line.fds and packet:
-            with contextlib.suppress(OSError):
-                os.write(line.fds[0], packet)
+        with contextlib.suppress(OSError):
+            while line.fds and packet:
+                try:
+                    packet = packet[os.write(line.fds[0], packet) :]
+                except BlockingIOError:  # the terminal is full: as soon as the host has read
+                    if not select.select([], [line.fds[0]], [], FULL_S)[1]:
+                        return
 
     def unplug(self, line: Line) -> None:
         """Gone when this returns: a pseudo-terminal that is still waited on would live a little longer."""

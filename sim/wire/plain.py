@@ -30,14 +30,14 @@ class PlainDevice:
             self.deaf_to -= 1
             self._buffer = ""
             return [f"{self.banner}{self.end}".encode()] if self.deaf_to == 0 and self.banner is not None else []
-        *lines, self._buffer = re.split("\r\n|\r|\n", self._buffer + data.decode("latin-1"))
+        *lines, self._buffer = re.split("\r\n|\r|\n", self._buffer + data.decode("utf-8", "replace"))
         out = ""
         for line in filter(None, lines):
             answer = self._obey(line)
             out += f"{line}{self.end}" if self.echo else ""
             out += "" if answer is None else f"{self.altered(answer)}{self.end}"
             out += self.prompt
-        return [] if self.silent or not out else [out.encode("latin-1")]
+        return [] if self.silent or not out else [out.encode()]
 
     def _obey(self, line: str) -> str | None:
         self.commands.append(line)

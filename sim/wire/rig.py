@@ -30,7 +30,9 @@ class Emulators:
     def __init__(self, config: RigConfig, sample: Sample, seed: int):
         self.clock = ScaledClock(config.clock_scale)
         given = config.devices.stage
-        ids = given.ids if isinstance(given, ServoBusConfig) else {name: k for k, name in enumerate(config.axis_names, 1)}
+        ids = (
+            given.ids if isinstance(given, ServoBusConfig) else {name: k for k, name in enumerate(config.axis_names, 1)}
+        )
         envelope = envelope_of(config, geometry_calibration(config))
         rest = np.degrees(envelope.snap(park_pose(config)))
         true = None if config.world is None else TrueRig(config, sample.channels)
