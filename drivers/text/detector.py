@@ -107,7 +107,8 @@ class TextDetector:
         if answer.overload:
             full = self.full_scale[self._range]
             return np.full(self.channels, full * scale if np.isfinite(full) else np.nan)
-        return answer.values * scale
+        values = answer.values if self.section.bands is None else self.section.bands.binned(answer.values)
+        return np.asarray(values * scale)
 
     def _dark(self, seconds: float) -> float:
         return self.noise.dark * seconds / self.exposure

@@ -9,11 +9,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from gonio.config.bands import MOST_PIXELS, Bands
 from gonio.config.find import find_config
 from gonio.config.loader import Section, load_config
 from gonio.config.plugins import DetectorSection
 
-MOST_VALUES = 2048  # that one answer may hold
+MOST_VALUES = MOST_PIXELS  # that one answer may hold
 UNIT = re.compile(r"[A-Za-z][A-Za-z0-9/^]{0,15}")
 PREFIXES = {"f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6}
 LONGEST = 1000  # characters of a pattern or a command
@@ -207,6 +208,7 @@ class TextSection(DetectorSection):
     baud: int | None = Field(None, ge=50, le=10_000_000, description="where it is not the description's")
     boot_s: float | None = Field(None, ge=0, le=120, description="where it is not the description's")
     white: float = Field(1.0, gt=0, description="about what a white diffuser reads, lit and seen at the normal")
+    bands: Bands | None = Field(None, description="of a spectrometer, whose numbers are its pixels")
 
     @field_validator("instrument", mode="before")
     @classmethod
@@ -221,9 +223,16 @@ class TextSection(DetectorSection):
             raise ValueError("expected tcp://HOST:PORT, such as tcp://192.168.1.20:5025")
         return v
 
+    @model_validator(mode="after")
+    def _as_many_pixels(self) -> "TextSection":
+        if self.bands is not None and len(self.bands.wavelengths) != self.instrument.values:
+            pixels, values = len(self.bands.wavelengths), self.instrument.values
+            raise ValueError(f"bands: {pixels} wavelengths for the {values} numbers of {self.instrument.name}")
+        return self
+
     @property
     def channels(self) -> int:
-        return self.instrument.values
+        return len(self.bands.bands_nm) if self.bands else self.instrument.values
 
     @property
     def full_scales(self) -> tuple[float, ...]:
