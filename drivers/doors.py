@@ -6,11 +6,14 @@ from typing import ClassVar
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.doctor import examine
 from drivers.dynamixel.stage import DynamixelStage
+from drivers.grbl.controller import Controller
+from drivers.grbl.doctor import examine as examine_controller
+from drivers.grbl.stage import GrblStage
 from drivers.light import SerialLight
 from drivers.photodiode import Photodiode
 from drivers.text.detector import GRACE_S, TextDetector
 from drivers.text_line import TextLine
-from gonio.config.devices import InstrumentPortConfig, LampConfig, PhotodiodePort, ServoBusConfig
+from gonio.config.devices import GrblConfig, InstrumentPortConfig, LampConfig, PhotodiodePort, ServoBusConfig
 from gonio.config.instrument import TextSection
 from gonio.config.plugins import DeviceSection
 from gonio.rig.driver import Setting
@@ -36,6 +39,25 @@ class Dynamixel(DynamixelStage):
 
     def doctor(self) -> Iterator[str]:
         yield from examine(self)
+
+
+class Grbl(GrblStage):
+    Config: ClassVar[type[DeviceSection]] = GrblConfig
+
+    def __init__(self, config: GrblConfig, setting: Setting):
+        super().__init__(
+            Controller(config.port, config.baud, config.boot_s),
+            setting.axes,
+            config.axes,
+            setting.park,
+            setting.clock,
+            homing=config.homing,
+            home_s=config.home_s,
+            poll_s=config.poll_s * getattr(setting.clock, "scale", 1.0),
+        )
+
+    def doctor(self) -> Iterator[str]:
+        yield from examine_controller(self)
 
 
 class Lamp(SerialLight):

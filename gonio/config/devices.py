@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, SerializeAsAny
+from pydantic import Field, SerializeAsAny, model_validator
 
 from gonio.config.loader import Section
 from gonio.config.plugins import DetectorSection, LightSection, StageSection
@@ -42,6 +42,40 @@ class ServoBusConfig(StageSection, PortConfig):
     model: Literal["XM430-W350", "XM430-W210", "XL430-W250", "XH430-W350"] = "XM430-W350"
     after_fault: Literal["hold", "release"] = "hold"
     watchdog_s: float = Field(0.5, ge=0.02, le=2.54)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        return tuple(self.ids)
+
+
+class GrblAxis(Section):
+    """One axis of a controller: degrees are its units, machine = zero_deg + angle (- angle, if reversed)."""
+
+    letter: Literal["X", "Y", "Z", "A", "B", "C"]
+    zero_deg: float = Field(0.0, ge=-3600, le=3600, description="machine position at the joint's zero")
+    reversed: bool = False
+
+
+class GrblConfig(StageSection, PortConfig):
+    """Stepper motors behind Grbl 1.1, FluidNC or grblHAL: axis name -> its letter there."""
+
+    driver: Literal["grbl"] = "grbl"
+    axes: dict[str, GrblAxis]
+    homing: bool = Field(True, description="drive to the switches ($H) at each start; false: it has none")
+    home_s: float = Field(120.0, gt=0, le=3600, description="that homing may take")
+    boot_s: float = Field(3.0, ge=0, le=120, description="how long it may be deaf after its port is opened")
+    poll_s: float = Field(0.05, ge=0.005, le=1)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        return tuple(self.axes)
+
+    @model_validator(mode="after")
+    def _each_once(self) -> "GrblConfig":
+        letters = [a.letter for a in self.axes.values()]
+        if len(set(letters)) < len(letters):
+            raise ValueError("axes: each letter once")
+        return self
 
 
 class CameraDeviceConfig(Section):

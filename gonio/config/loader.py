@@ -162,10 +162,11 @@ def _explain(error: ValidationError, model: type[BaseModel], lines: Mapping[tupl
     all_of_them: list[Any] = error.errors(include_url=False)
     # of a key that is a word or a section, what is wrong with the section
     first = next((e for e in all_of_them if isinstance(e.get("ctx", {}).get("error"), SectionError)), all_of_them[0])
-    loc, known = tuple(first["loc"]), None
+    loc, known = tuple(first["loc"]), _known(model, tuple(first["loc"])[:-1])
     while isinstance(inner := first.get("ctx", {}).get("error"), SectionError):
         loc = (*(k for n, k in enumerate(loc) if loc[: n + 1] in lines), *inner.first["loc"])
-        first, known = inner.first, inner.model.model_fields
+        known = _known(inner.model, tuple(inner.first["loc"])[:-1])
+        first = inner.first
     keys = tuple(
         k for k in loc if (*loc[: loc.index(k)], k) in lines or not str(k).startswith(("function-", "literal"))
     )
@@ -174,7 +175,7 @@ def _explain(error: ValidationError, model: type[BaseModel], lines: Mapping[tupl
     by_hand = any(o.partition("=")[0].strip() == name for o in overrides)
     where = f"--set {name}" if by_hand else f"{source}:{line}: {name}" if line else f"{source}: {name}"
     if first["type"] == "extra_forbidden":
-        near = difflib.get_close_matches(str(keys[-1]), known or _known(model, keys[:-1]), n=1)
+        near = difflib.get_close_matches(str(keys[-1]), known, n=1)
         return f"{where}: unknown key" + (f"; did you mean {near[0]}?" if near else "")
     if first["type"] == "missing":
         return f"{where}: missing; it has no default"

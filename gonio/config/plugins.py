@@ -16,13 +16,14 @@ from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_va
 from gonio.config.loader import ConfigError, Section, SectionError
 
 SHIPPED = {
-    "gonio.stages": {"dynamixel": "drivers.doors:Dynamixel"},
+    "gonio.stages": {"dynamixel": "drivers.doors:Dynamixel", "grbl": "drivers.doors:Grbl"},
     "gonio.detectors": {"photodiode": "drivers.doors:SerialPhotodiode", "text": "drivers.doors:Text"},
     "gonio.lights": {"lamp": "drivers.doors:Lamp"},
 }
 # where their sections are: reading a YAML file need not import a driver
 SECTIONS = {
     "dynamixel": "gonio.config.devices:ServoBusConfig",
+    "grbl": "gonio.config.devices:GrblConfig",
     "photodiode": "gonio.config.devices:PhotodiodePort",
     "text": "gonio.config.instrument:TextSection",
     "lamp": "gonio.config.devices:LampConfig",
@@ -84,6 +85,11 @@ class StageSection(DeviceSection):
 
     group: ClassVar[str] = "gonio.stages"
     default: ClassVar[str | None] = "dynamixel"
+
+    @property
+    def joints(self) -> tuple[str, ...] | None:
+        """Names of the axes that it says it moves, None = it does not say."""
+        return None
 
 
 class LightSection(DeviceSection):

@@ -252,8 +252,10 @@ class RigConfig(Section):
             raise ValueError("faults.spike: only a photodiode has them; leave it out")
         if self.detector == "camera" and self.camera.region_mm > self.camera.lit_mm:
             raise ValueError("camera.region_mm: the region reaches beyond the lit patch (camera.lit_mm)")
-        if isinstance(self.devices.stage, ServoBusConfig) and set(self.devices.stage.ids) != set(names):
-            raise ValueError(f"devices.stage.ids: one servo for each of {', '.join(names)}")
+        joints = self.devices.stage.joints if self.devices.stage is not None else None
+        if joints is not None and set(joints) != set(names):
+            key, what = ("ids", "servo") if isinstance(self.devices.stage, ServoBusConfig) else ("axes", "motor")
+            raise ValueError(f"devices.stage.{key}: one {what} for each of {', '.join(names)}")
         return self
 
     def _check_world(self, world: World) -> None:

@@ -94,12 +94,7 @@ def _frames(config: RigConfig, emulators, sample, seed: int):
     """A camera has no bytes to emulate: its frames are made, of where the emulated servos are."""
     from sim.lit_patch import frames_of
 
-    ids = emulators.devices.stage.ids
-
-    def pose():
-        with emulators.server.lock:
-            return np.radians([emulators.servos[ids[name]].true_angle_deg() for name in config.axis_names])
-
+    pose = lambda: np.radians(emulators.angles_deg())
     return frames_of(config, sample, pose, emulators.light.lamp, emulators.clock, seed)
 
 

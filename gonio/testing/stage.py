@@ -47,7 +47,8 @@ def check_stage(make: Make, *, fault: Do | None = None, mend: Do | None = None) 
     again = make()
     try:
         again.connect()
-        again.home()
+        again.home()  # which may move it
+        again.park()
         at = _pose(again, low, high)
         require(np.abs(at - rest).max() < NEAR, f"opened again: at {at}, before {rest}")
     finally:

@@ -60,7 +60,8 @@ def test_a_polynomial_says_the_wavelengths():
 def test_what_is_wrong_is_said(tmp_path, keys, words):
     path = tmp_path / "rig.yaml"
     text = (ROOT / "configs/rigs/picoammeter.yaml").read_text()
-    new = f"detector:\n  kind: text\n  instrument: keithley_6485\n  bands:\n    bands_nm: [[400, 500]]\n    {keys}\nlight: {{}}"
+    new = "detector:\n  kind: text\n  instrument: keithley_6485\n  bands:\n    bands_nm: [[400, 500]]\n    "
+    new += f"{keys}\nlight: {{}}"
     path.write_text(text.replace("detector: {kind: text, instrument: keithley_6485, white: 3.0e-7}", new))
     with pytest.raises(ConfigError) as e:
         load_config(path, RigConfig)
