@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from drivers.dynamixel import old
 from drivers.dynamixel import tables as t
 from drivers.dynamixel.bus import Bus, Refused
 from drivers.dynamixel.configure import Joint, hardware_fault
@@ -27,6 +28,8 @@ def examine(stage: DynamixelStage) -> Iterator[str]:
         for joint in stage.joints:
             if joint in there:
                 yield from _servo(stage.bus, joint, stage.model)
+            elif (model := old.found(stage.bus, joint.id)) is not None:
+                yield f"FAIL {old.refusal(joint.name, joint.id, model)}"
             else:
                 yield f"FAIL {joint.name}: no servo answers as id {joint.id}; check its cable, supply and id"
         if len(there) < len(stage.joints):

@@ -1,8 +1,9 @@
 """What a rig's YAML may say of where its devices are."""
 
+import re
 from typing import Annotated, Literal
 
-from pydantic import Field, SerializeAsAny, model_validator
+from pydantic import Field, SerializeAsAny, field_validator, model_validator
 
 from gonio.config.loader import Section
 from gonio.config.plugins import DetectorSection, LightSection, StageSection
@@ -33,15 +34,31 @@ class LampConfig(LightSection, InstrumentPortConfig):
     driver: Literal["lamp"] = "lamp"
 
 
+SERVOS = (
+    "XM430-W350", "XM430-W210", "XL430-W250", "XH430-W350", "XL330-M077", "XL330-M288", "XC330-M181", "XC330-M288",
+    "XC330-T181", "XC330-T288", "XC430-W150", "XC430-W240", "XM540-W150", "XM540-W270",
+)  # fmt: skip
+PROTOCOL_1 = re.compile(r"(AX|RX|DX|EX|MX)-?\d+\w?", re.IGNORECASE)
+
+
 class ServoBusConfig(StageSection, PortConfig):
     """Dynamixel servos on one bus: axis name -> servo id. Torque after a fault: held or released."""
 
     driver: Literal["dynamixel"] = "dynamixel"
     baud: int = Field(1_000_000, ge=1200, le=10_000_000)
     ids: dict[str, Annotated[int, Field(ge=0, le=252)]]
-    model: Literal["XM430-W350", "XM430-W210", "XL430-W250", "XH430-W350"] = "XM430-W350"
+    model: str = Field("XM430-W350", description="one of SERVOS")
     after_fault: Literal["hold", "release"] = "hold"
     watchdog_s: float = Field(0.5, ge=0.02, le=2.54)
+
+    @field_validator("model")
+    @classmethod
+    def _driven(cls, v: str) -> str:
+        if PROTOCOL_1.fullmatch(v):
+            raise ValueError(f"servo {v} speaks protocol 1.0, which is not driven; take one of {', '.join(SERVOS)}")
+        if v not in SERVOS:
+            raise ValueError(f"expected one of {', '.join(SERVOS)}")
+        return v
 
     @property
     def joints(self) -> tuple[str, ...]:
