@@ -86,7 +86,8 @@ def _open_wire(config: RigConfig, sample, seed: int, plan: PlanConfig, isotropic
         emulators.close()
         raise
     rig.emulators = emulators
-    rig.stage.poll_s = min(rig.stage.poll_s, LONGEST_POLL_S)
+    if (poll_s := getattr(rig.stage, "poll_s", None)) is not None:
+        rig.stage.poll_s = min(poll_s, LONGEST_POLL_S)
     return rig
 
 
