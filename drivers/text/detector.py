@@ -16,7 +16,7 @@ from drivers.gone import PortGone, outlast
 from drivers.text.answers import Answer
 from drivers.text.instrument import TextInstrument
 from gonio.config.detectors import PhotodiodeConfig
-from gonio.config.instrument import TextSection, filled
+from gonio.config.instrument import TextSection, as_sent, filled
 from gonio.geometry import Array
 from gonio.rig.clock import Clock
 from gonio.rig.devices import Reading
@@ -119,7 +119,10 @@ class TextDetector:
         light = np.maximum(value - self._dark(seconds), 0)
         full, steps = self.full_scale[self._range], self.i.steps
         step = full * scale / steps if steps and np.isfinite(full) else 0.0
-        return light, c.shot_noise**2 * light + c.read_noise**2, np.full(self.channels, step**2 / 12)
+        # the same reading whatever time was asked for, where it cannot be set: its noise grows with the signal
+        same = seconds / self.exposure if self.i.integration is None and not self.i.integrates else 1.0
+        variance = c.shot_noise**2 * light * same + (c.read_noise * same) ** 2
+        return light, variance, np.full(self.channels, step**2 / 12)
 
     # ---- ranges and times ------------------------------------------------------------------------------------------
 
@@ -128,8 +131,8 @@ class TextDetector:
         t = self.i.integration
         if t is None:
             return exposure, ""
-        command = filled(t.command, value=min(max(exposure / t.unit_s, t.lowest), t.highest))
-        return min(max(exposure, t.lowest * t.unit_s), t.highest * t.unit_s), command
+        value = as_sent(t.command, min(max(exposure / t.unit_s, t.lowest), t.highest))
+        return value * t.unit_s, filled(t.command, value=value)
 
     def _in_range(self, integration: str, seconds: float) -> Answer:
         """A reading in the lowest range that holds it: the same range from wherever the search started."""

@@ -5,6 +5,7 @@ docs/instruments.md walks through it; `configs/instruments/` has the description
 
 import re
 import string
+import warnings
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
@@ -22,8 +23,10 @@ LONGEST = 1000  # characters of a pattern or a command
 
 def _pattern(text: str) -> str:
     try:
-        re.compile(text)
-    except (re.error, OverflowError, RecursionError) as e:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # what Python will understand otherwise one day
+            re.compile(text)
+    except (re.error, OverflowError, RecursionError, Warning) as e:
         raise ValueError(f"not a regular expression: {e}") from None
     return text
 
@@ -46,6 +49,12 @@ def filled(template: str, **values: float) -> str:
         if (name is not None and name not in values) or conversion or "{" in (spec or ""):
             raise ValueError(f"{{{name}}} is not known here; there is {', '.join('{' + v + '}' for v in values)}")
     return template.format(**values)
+
+
+def as_sent(template: str, value: float) -> float:
+    """What a number is once it is written by the {value} of a template: 0.125 by {value:.2f} is 0.12."""
+    spec = next(s for _, name, s, _ in string.Formatter().parse(template) if name == "value")
+    return float(format(value, spec or ""))
 
 
 def factor_of(unit: str, base: str) -> float:
@@ -132,7 +141,14 @@ class Integration(Section):
 
     @model_validator(mode="after")
     def _usable(self) -> "Integration":
-        filled(self.command, value=self.lowest)
+        if not filled(self.command, value=self.lowest) or "{value" not in self.command:
+            raise ValueError("command: needs {value}")
+        try:
+            sent = as_sent(self.command, self.lowest), as_sent(self.command, self.highest)
+        except ValueError:
+            raise ValueError("command: {value} does not write a number") from None
+        if not sent[0] > 0:
+            raise ValueError(f"lowest: {self.lowest:g} is sent as 0; write {{value}} with more digits")
         if self.lowest > self.highest:
             raise ValueError("lowest: lies above highest")
         return self
@@ -172,6 +188,9 @@ class Instrument(Section):
     reading_s: float = Field(0.1, ge=0, le=600, description="that a reading takes besides the integration time")
     timeout_s: float = Field(1.0, gt=0, le=600, description="that an answer may be late")
     steps: float | None = Field(None, gt=1, description="of its converter in a full scale")
+    accuracy: float | None = Field(
+        None, gt=0, le=0.5, description="of its ranges and linearity, relative, as the maker says"
+    )
 
     @field_validator("unit")
     @classmethod
@@ -238,6 +257,10 @@ class TextSection(DetectorSection):
     def full_scales(self) -> tuple[float, ...]:
         ranges = self.instrument.ranges
         return tuple(f / self.white for f in ranges.full_scale) if ranges else ()
+
+    @property
+    def accuracy(self) -> float | None:
+        return self.instrument.accuracy
 
     @property
     def steps(self) -> float | None:

@@ -121,6 +121,11 @@ class DetectorSection(DeviceSection):
         return ()
 
     @property
+    def accuracy(self) -> float | None:
+        """Of its ranges and its linearity, relative, as the maker says; None = nobody says."""
+        return None
+
+    @property
     def steps(self) -> float | None:
         """Of its converter in a full scale; None = finer than its noise."""
         return None

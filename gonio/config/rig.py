@@ -183,6 +183,11 @@ class RigConfig(Section):
         return tuple(p.full_scale * p.range_factor**k for k in range(p.ranges))
 
     @property
+    def accuracy(self) -> float | None:
+        """Of the detector's ranges and linearity, relative, before any calibration; None = nobody says."""
+        return self.detector.accuracy if isinstance(self.detector, DetectorSection) else None
+
+    @property
     def steps(self) -> float:
         """Of the detector's converter in a full scale; infinity where it says none."""
         if isinstance(self.detector, DetectorSection):

@@ -73,7 +73,7 @@ class Keithley6485(Scpi):
     def _read(self) -> str:
         self.busy_s = self.meter.clock.hurry(self.nplc * 0.02)
         self.stamp += self.nplc * 0.02
-        amps = 0.0 if self.zero_check else float(self.meter.read()[0])
+        amps = 0.0 if self.zero_check else float(self.meter.read(self.nplc * 0.02)[0])
         step = self.range / 200_000
         over = abs(amps) > 1.05 * self.range
         said = {
@@ -110,7 +110,7 @@ class ThorlabsPm100(Scpi):
 
     def _read(self) -> str:
         self.busy_s = self.meter.clock.hurry(self.count * 0.003)
-        watts = float(self.meter.read()[0])
+        watts = float(self.meter.read(self.count * 0.003)[0])
         return "9.90000000E+37" if watts > 1.1 * self.range else f"{watts:.8E}"
 
 

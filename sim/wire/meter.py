@@ -17,9 +17,16 @@ class Meter:
     """scene() is the signal (C,) per nominal exposure, dark not included; white: the unit that a signal of 1 reads."""
 
     def __init__(
-        self, config: PhotodiodeConfig, scene: Callable[[], Array], white: float, seed: int, clock: ScaledClock
+        self,
+        config: PhotodiodeConfig,
+        scene: Callable[[], Array],
+        white: float,
+        seed: int,
+        clock: ScaledClock,
+        exposure: float = 0.02,
     ):
         self.config, self.scene, self.white, self.seed, self.clock = config, scene, white, seed, clock
+        self.exposure = exposure
         self.announce(-1)
 
     def announce(self, number: int) -> None:
@@ -31,10 +38,11 @@ class Meter:
         """Its range was changed."""
         self._rng = None
 
-    def read(self) -> Array:
-        """One reading (C,) in its unit."""
-        c, light = self.config, self.scene()
+    def read(self, seconds: float | None = None) -> Array:
+        """One reading (C,) in its unit, of so many seconds; None: the nominal exposure. Longer ones are less noisy."""
+        scale = 1.0 if seconds is None else seconds / self.exposure
+        c, light = self.config, self.scene() * scale
         self._rng = self._rng or generator(self.seed, PHOTODIODE, self._number)
         z = self._rng.standard_normal((2, len(light)))
         noise = np.sqrt(np.maximum(light, 0)) * c.shot_noise * z[0] + c.read_noise * z[1]
-        return np.asarray((light + c.dark + noise) * self.white)
+        return np.asarray(((light + noise) / scale + c.dark) * self.white)

@@ -62,7 +62,7 @@ class Emulators:
         self.bus, self.light = self.arms.device, WireLight(lamp)
         self.meter = self.instrument = None
         if isinstance(config.detector, TextSection):
-            self.meter = Meter(config.photodiode, scene, config.detector.white, seed, self.clock)
+            self.meter = Meter(config.photodiode, scene, config.detector.white, seed, self.clock, config.exposure_s)
             self.instrument = instrument(config.detector.instrument.name, self.meter)
         self._folder = Folder()
         self.folder = self._folder.path

@@ -21,7 +21,7 @@ class Bench:
     def __init__(self, folder, instrument, device=None, *, noise=QUIET, exposure=0.1, **section):
         self.signal = np.array([0.1])
         white = section.setdefault("white", 1.0)
-        self.meter = Meter(noise, lambda: self.signal, white, 1, FAST)
+        self.meter = Meter(noise, lambda: self.signal, white, 1, FAST, exposure)
         self.device: PlainDevice = device or KINDS[instrument](self.meter)
         self.line = Line(folder / "instrument", self.device)
         self.server = Server([self.line])

@@ -47,12 +47,13 @@ def test_ranges_are_found_from_anywhere(bench, name):
         for start in range(len(full)):
             b.detector.expect(np.array([0.85 * full[start] / WHITE[name]]))
             r = b.detector.read()
-            seen.append((r.raw["range"], float(r.value[0])))
+            seen.append((r.raw["range"], float(r.value[0] / r.raw["exposure_s"] * b.detector.exposure)))
             assert not r.saturated and r.raw["exposure_s"] > 0
         assert len(set(map(str, seen))) == 1, seen
         assert seen[0][0] == [int(np.searchsorted(0.9 * full, signal))]
         np.testing.assert_allclose(seen[0][1], signal / WHITE[name], rtol=2e-4)
-        np.testing.assert_allclose(r.raw["full_scale"], full[seen[0][0]] / WHITE[name])
+        scale = r.raw["exposure_s"] / b.detector.exposure / WHITE[name]
+        np.testing.assert_allclose(r.raw["full_scale"], full[seen[0][0]] * scale)
 
 
 @pytest.mark.parametrize("name", WHITE)
@@ -69,7 +70,7 @@ def test_a_rate_is_made_a_signal_of_its_exposure(bench, name, longest):
     b = bench(name)
     for seconds in (0.06, 0.3, 20.0):
         r = b.detector.read(seconds)
-        assert r.raw["exposure_s"] == min(seconds, longest)
+        assert r.raw["exposure_s"] == pytest.approx(min(seconds, longest))
         np.testing.assert_allclose(r.value / r.raw["exposure_s"], b.signal / b.detector.exposure, rtol=2e-4)
     took = b.device.nplc * 0.02 if name == "keithley_6485" else b.device.count * 0.003
     assert took == pytest.approx(longest)

@@ -67,7 +67,7 @@ def test_photodiode(plug):
 @pytest.mark.parametrize("name", WHITE)
 def test_text_instruments(plug, name):
     s = setting(CLOCK, **NOISE)
-    meter = Meter(s.rig.photodiode, lambda: np.array([0.3]), WHITE[name], 1, CLOCK)
+    meter = Meter(s.rig.photodiode, lambda: np.array([0.3]), WHITE[name], 1, CLOCK, s.rig.exposure_s)
     port, fault, mend = plug(KINDS[name](meter))
     section = TextSection(instrument=name, port=port, white=WHITE[name])
     check_detector(lambda: Text(section, s), fault=fault, mend=mend)
