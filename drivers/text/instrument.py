@@ -173,9 +173,9 @@ class TextInstrument:
     def _line_of(self, command: str, seconds: float) -> str | None:
         """What comes after a command, None where nothing does in time. Raises DeviceFault for a refusal; PortGone."""
         if command:
-            if self._dirty:
+            # what came unasked may be the half of an answer: its other half must not be taken for one
+            if self.port.clear() or self.port.begun.strip() not in (b"", self.i.prompt.strip().encode()) or self._dirty:
                 self.port.drain()
-            self.port.clear()
             self._dirty = True  # until the answer is here
             self._send(command)
         else:
@@ -190,7 +190,7 @@ class TextInstrument:
     def _skip_begun(self, seconds: float) -> None:
         """Of one that sends by itself: what lies there is of the past, and so is the line that has begun."""
         self.port.clear()
-        if self.port.within_line or self._dirty:
+        if self.port.begun or self._dirty:
             self.port.line(time.monotonic() + seconds + self.i.timeout_s)
 
     def _next(self, command: str, end: float) -> str | None:

@@ -133,17 +133,19 @@ class TextPort:
             pass
         self._lines, self._rest = [], b""
 
-    def clear(self) -> None:
-        """Forget what is there already; nothing is waited for."""
+    def clear(self) -> bool:
+        """Forget the lines that are there already; nothing is waited for, and the beginning of a line that is still
+        coming stays. Whether there were any lines."""
         end = time.monotonic() + LOUD_S
         while self._more(0.0) and time.monotonic() < end:
             pass
-        self._lines = []  # and keep the beginning of a line that is still coming: it is no whole one
+        found, self._lines = bool(self._lines), []
+        return found
 
     @property
-    def within_line(self) -> bool:
-        """Whether a line has begun that has not ended."""
-        return bool(self._rest)
+    def begun(self) -> bytes:
+        """A line that has begun and not ended; a prompt looks like one."""
+        return self._rest
 
     def _more(self, seconds: float) -> bool:
         """Wait for bytes; whether any came."""

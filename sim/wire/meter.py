@@ -27,6 +27,7 @@ class Meter:
     ):
         self.config, self.scene, self.white, self.seed, self.clock = config, scene, white, seed, clock
         self.exposure = exposure
+        self._unsettled = False
         self.announce(-1)
 
     def announce(self, number: int) -> None:
@@ -35,13 +36,16 @@ class Meter:
         self._rng: np.random.Generator | None = None
 
     def settle(self) -> None:
-        """Its range was changed."""
-        self._rng = None
+        """Its range was changed: the next reading is not to be believed."""
+        self._rng, self._unsettled = None, True
 
     def read(self, seconds: float | None = None) -> Array:
         """One reading (C,) in its unit, of so many seconds; None: the nominal exposure. Longer ones are less noisy."""
         scale = 1.0 if seconds is None else seconds / self.exposure
         c, light = self.config, self.scene() * scale
+        if self._unsettled:  # the amplifier is still on its way
+            self._unsettled = False
+            return np.asarray((0.7 * light / scale + c.dark) * self.white)
         self._rng = self._rng or generator(self.seed, PHOTODIODE, self._number)
         z = self._rng.standard_normal((2, len(light)))
         noise = np.sqrt(np.maximum(light, 0)) * c.shot_noise * z[0] + c.read_noise * z[1]

@@ -229,6 +229,46 @@ def test_a_late_answer_is_not_taken_for_the_next(bench):
     assert b.detector.read().value == 3 and drained
 
 
+@pytest.mark.parametrize(
+    "pieces", [(b"12", b"34\r\n"), (b"7\r\n", b""), (b"7\r\n", b"8\r\n"), (b"1", b""), (b"\xff\x00", b"\r\n")]
+)
+def test_what_comes_unasked_is_no_answer(bench, pieces):
+    """Half of it before the question, half of it while the line falls silent: neither becomes a part of an answer."""
+    b = bench(answering("0.25"), described())
+    b.detector.connect()
+    assert b.detector.read().value == 0.25
+    port = b.detector.instrument.port
+    more, left = port._more, [*pieces]
+
+    def with_rubbish(seconds):
+        if left:
+            b.server.say(b.line, left.pop(0))
+        return more(seconds)
+
+    port._more = with_rubbish
+    assert b.detector.read().value == 0.25 and not left
+
+
+def test_how_the_line_is_set(bench, monkeypatch):
+    """Baud rate, bits, parity, stop bits and flow control go to the port; the rig's own baud rate wins."""
+    asked = {}
+
+    class Line:
+        def __init__(self, port, baud, **keys):
+            asked.update(keys, port=port, baud=baud)
+            raise OSError("no such line")
+
+    monkeypatch.setattr("serial.Serial", Line)
+    settings = {"baud": 1200, "bits": 7, "parity": "even", "stop_bits": 2, "flow": "xon"}
+    for own, baud in ((None, 1200), (4800, 4800)):
+        b = bench(answering("1"), described(serial=settings), baud=own)
+        b.detector.grace_s = 0.0
+        with pytest.raises(DeviceFault, match="is gone"):
+            b.detector.connect()
+        kept = {k: asked[k] for k in ("baud", "bytesize", "parity", "stopbits", "xonxoff", "rtscts", "exclusive")}
+        assert list(kept.values()) == [baud, 7, "E", 2, True, False, True]
+
+
 def test_over_tcp():
     """The same conversation on a socket; one that hangs up is named."""
     listener = socket.create_server(("127.0.0.1", 0))

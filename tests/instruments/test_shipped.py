@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gonio.config import ConfigError, load_config
+from gonio.config.detectors import PhotodiodeConfig
 from gonio.config.instrument import Instrument
 from gonio.rig.errors import DeviceFault
 from sim.wire.instruments import KINDS
@@ -57,6 +58,23 @@ def test_ranges_are_found_from_anywhere(bench, name):
 
 
 @pytest.mark.parametrize("name", WHITE)
+def test_a_reading_belongs_to_its_measurement(bench, name):
+    """With noise: the very same by whatever way its range was found, so that a resumed run reads what it would have."""
+    noise = PhotodiodeConfig(read_noise=1e-3, shot_noise=1e-3, dark=0)
+    b = bench(name, noise=noise)
+    full = b.detector.full_scale
+    for number, signal in enumerate((0.8 * full[0], 0.5 * full[1], 0.5 * full[2])):
+        b.signal = np.array([signal / WHITE[name]])
+        seen = set()
+        for start in range(len(full)):
+            b.detector.expect(np.array([0.5 * full[start] / WHITE[name]]))
+            b.detector.instrument.sessions += start  # a range that is set anew, as at a start
+            b.meter.announce(number)
+            seen.add(float(b.detector.read().value[0]))
+        assert len(seen) == 1
+
+
+@pytest.mark.parametrize("name", WHITE)
 def test_beyond_the_highest_range_is_saturated(bench, name):
     b = bench(name)
     b.signal = np.array([3 * b.detector.full_scale[-1] / WHITE[name]])
@@ -77,8 +95,6 @@ def test_a_rate_is_made_a_signal_of_its_exposure(bench, name, longest):
 
 
 def test_readings_are_averaged(bench, tmp_path):
-    from gonio.config.detectors import PhotodiodeConfig
-
     noise = PhotodiodeConfig(read_noise=0.01, shot_noise=0, dark=0, target_sigma=0.02, target_sigma_floor=0)
     b = bench("keithley_6485", noise=noise)
     r = b.detector.read()
@@ -127,7 +143,7 @@ def test_an_arduino_that_sends_by_itself(tmp_path):
     b.detector.instrument.port._more = loop
     b.detector.connect()
     b.server.say(b.line, b"7\r\n" * 50 + b"9")  # old lines, and one that has begun
-    while not b.detector.instrument.port.within_line:
+    while not b.detector.instrument.port.begun:
         more(1.0)
     first = next(said)
     r = b.detector.read()
