@@ -16,7 +16,7 @@ import numpy as np
 
 from drivers.gone import PortGone
 from drivers.grbl import codes
-from drivers.grbl.controller import HOLD, Alarm, Controller, Report
+from drivers.grbl.controller import HOLD, RESET, Alarm, Controller, Report
 from gonio.config.devices import GrblAxis
 from gonio.geometry import Array
 from gonio.rig.clock import Clock
@@ -60,7 +60,7 @@ class GrblStage:
         self.homed = False
         self._stopped = threading.Event()
         self._halting = threading.Lock()
-        self._moving = False
+        self._moving = self._homing = False
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -105,16 +105,28 @@ class GrblStage:
         if self.homed and self._report().state == "Idle":
             return
         self.homed = False
-        if self.homing:
-            try:
-                self._there(lambda: self.controller.order("$H", self.home_s))
-            except Alarm as e:
-                raise DeviceFault(e.axis, e.cause, e.remedy) from None
+        if self.homing and not self._stopped.is_set():
+            self._drive_home()
         report = self._report()
         if report.state == "Alarm":
             raise DeviceFault("stage", *codes.error(9))
         self._inside(self._angles(report))
         self.homed = True
+
+    def _drive_home(self) -> None:
+        """A reset is all that ends homing before its time: by `stop`, or by whatever interrupts the wait."""
+        self._homing = True
+        try:
+            self._there(lambda: self.controller.order("$H", self.home_s))
+        except Alarm as e:
+            raise DeviceFault(e.axis, e.cause, e.remedy) from None
+        except DeviceFault:
+            raise
+        except BaseException:
+            self._there(lambda: self.controller.send(RESET))
+            raise
+        finally:
+            self._homing = False
 
     def _inside(self, pose: Array) -> None:
         out = (pose < self.lower - np.radians(ARRIVED_DEG)) | (pose > self.upper + np.radians(ARRIVED_DEG))
@@ -223,7 +235,8 @@ class GrblStage:
     def stop(self) -> None:
         """It stands when this returns, and knows where. Raises DeviceFault where it cannot be reached."""
         self._stopped.set()
-        self._there(lambda: self.controller.send(HOLD))  # before any lock: it brakes now
+        # before any lock: it brakes now; homing does not listen to a hold
+        self._there(lambda: self.controller.send(RESET if self._homing else HOLD))
         with self._halting:
             self._there(self._halt)
         self._moving = False

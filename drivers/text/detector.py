@@ -6,6 +6,7 @@ the nominal one. Counts grow by themselves. A meter whose integration time canno
 the same for any.
 """
 
+import re
 import time
 from collections.abc import Iterator
 from typing import TypeVar
@@ -48,6 +49,8 @@ class TextDetector:
         self.instrument = TextInstrument(section)
         self.channels = section.channels
         self.full_scale = np.array(self.i.ranges.full_scale if self.i.ranges else [np.inf])
+        marked = "overload" in re.compile(self.i.answer).groupindex
+        self._marks = marked or self.i.overload is not None or self.i.overload_above is not None
         self._range = 0
         self._set: tuple[int, int, str] | None = None  # session, range, integration: as the instrument has them
 
@@ -81,15 +84,15 @@ class TextDetector:
         answer = self._in_range(integration, seconds)
         full = self.full_scale[self._range]
         first = self._values(answer, scale)
-        total, n, overload = first.copy(), 1, answer.overload
+        total, n, overload = first.copy(), 1, self._clipped(answer)
         while not overload:
             _, variance, steps = self._noise(total / n, seconds, scale)
             light = np.maximum(total / n - self._dark(seconds), 0)
             if n >= readings_needed(self.noise, light, variance, steps, seconds) or time.monotonic() > end:
                 break
             again = self.instrument.read(seconds)
-            overload = again.overload
-            if not overload:
+            overload = self._clipped(again)
+            if not again.overload:
                 total, n = total + self._values(again, scale), n + 1
         value = total / n
         _, variance, steps = self._noise(value, seconds, scale)
@@ -97,6 +100,12 @@ class TextDetector:
         if np.isfinite(full):
             raw |= {"range": [self._range] * self.channels, "full_scale": [float(full * scale)] * self.channels}
         return Reading(value, sigma_of(variance, steps, n), overload, raw)
+
+    def _clipped(self, answer: Answer) -> bool:
+        """Whether it was too much: by its mark, or, of one that has none, by a number that fills the range."""
+        if self._marks:
+            return answer.overload
+        return answer.overload or bool((np.abs(answer.values) >= self.full_scale[self._range]).any())
 
     def _scale(self, seconds: float) -> float:
         """What a number of the instrument's is multiplied by to be a signal."""

@@ -196,7 +196,7 @@ class TextInstrument:
     def _next(self, command: str, end: float) -> str | None:
         """The next line that is neither an echo of `command`, nor a prompt, nor to be ignored."""
         while (raw := self.port.line(end)) is not None:
-            line = raw.decode("utf-8", "backslashreplace").strip().lstrip("\0")
+            line = _decoded(raw).strip().lstrip("\0")
             while self.i.prompt and line.startswith(self.i.prompt.strip()) and self.i.prompt.strip():
                 line = line.removeprefix(self.i.prompt.strip()).lstrip()
             if not line or (command and line == command.strip()) or (self._ignore and self._ignore.search(line)):
@@ -222,6 +222,14 @@ class TextInstrument:
             )
         remedy = "check the network" if self.port.port.startswith("tcp://") else "plug in its USB cable"
         return DeviceFault(self.name, f"{self.port.port} is gone", f"{remedy}, then `gonio resume`")
+
+
+def _decoded(raw: bytes) -> str:
+    """UTF-8, or Latin-1: a micro sign comes in either."""
+    try:
+        return raw.decode("utf-8")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")
 
 
 def _code(pattern: str, line: str) -> str:

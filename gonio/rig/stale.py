@@ -41,6 +41,8 @@ def made_for(kind: str, config: RigConfig) -> str:
     parts = config.model_dump(mode="json", include=PARTS[kind])
     if isinstance(parts.get("detector"), dict):  # the same instrument on another port is the same
         parts["detector"] = {k: v for k, v in parts["detector"].items() if k not in ("port", "boot_s")}
+        if isinstance(instrument := parts["detector"].get("instrument"), dict):
+            parts["detector"]["instrument"] = {k: v for k, v in instrument.items() if k not in ("source", "boot_s")}
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:12]
 
 

@@ -21,7 +21,8 @@ HOMING_S = 8.0
 class GrblController:
     """Implements `sim.wire.line.Device`. travel, rate (units/min), acceleration (units/s2): of each axis.
 
-    stuck: an axis that hits a switch on its next move. deaf_to: packets lost while it starts. shut: the door is closed.
+    stuck: an axis that hits a switch on its next move. deaf_to: packets lost while it starts. lost_switch: homing does
+    not find one; endless: homing goes on until it is reset. frozen: no motor turns.
     """
 
     def __init__(
@@ -41,6 +42,7 @@ class GrblController:
         for first, values in ((130, travel), (110, rate), (120, acceleration)):
             self.settings |= {first + k: float(v) for k, v in enumerate(values)}
         self.deaf_to, self.stuck, self.lost_switch, self.frozen, self.silent = 0, False, False, False, False
+        self.endless = False
         self.lines: list[str] = []
         self._held: tuple[float, Array] | None = None  # when and where a hold comes to rest
         self.at = np.zeros(n)  # machine position where the last motion ended
@@ -89,6 +91,9 @@ class GrblController:
                 self._brake()
             self.state = "Hold"
         elif c == "\x18":
+            if self.state == "Home":
+                self.state = "Alarm"
+                return ["ALARM:6", "", self.banner]
             moving = self.state in ("Run", "Hold") and not self._still
             self._stand(self.position())
             self._buffer = ""
@@ -139,6 +144,9 @@ class GrblController:
         if not self.settings[22]:
             return ["error:5"]
         self.busy_s = self.clock.hurry(HOMING_S)
+        if self.endless:
+            self.busy_s, self.state = 0.0, "Home"
+            return []
         if self.lost_switch:
             self.state = "Alarm"
             return ["ALARM:9"]

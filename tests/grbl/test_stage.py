@@ -1,6 +1,7 @@
 """The Grbl driver on an emulated controller: homing, moves, stops, limits read back, alarms and errors by number."""
 
 import re
+import threading
 
 import numpy as np
 import pytest
@@ -129,6 +130,44 @@ def test_a_stop_at_rest_leaves_no_hold_behind(homed):
     assert homed.device.state == "Idle" and homed.stage.homed
     homed.stage.allow()
     np.testing.assert_allclose(homed.stage.move(FAR, 60.0), FAR, atol=np.radians(1e-3))
+
+
+def test_homing_is_stopped_by_a_reset(bench, monkeypatch):
+    """It listens to nothing else: from another thread, and where the wait is interrupted."""
+    bench.stage.connect()
+    bench.device.endless = True
+    result = {}
+
+    def home():
+        try:
+            bench.stage.home()
+        except DeviceFault as e:
+            result["fault"] = str(e)
+
+    under_way, obey = threading.Event(), bench.device._home
+    monkeypatch.setattr(bench.device, "_home", lambda: [under_way.set(), *obey()][1:])
+    thread = threading.Thread(target=home)
+    thread.start()
+    assert under_way.wait(30)
+    bench.stage.stop()
+    thread.join(30)
+    assert result == {"fault": "stage: homing was interrupted; `gonio home` again"}
+    assert bench.device.state == "Alarm" and not bench.stage.homed
+    bench.stage.allow()
+    under_way.clear()
+    controller = bench.stage.controller
+
+    def interrupted(end):
+        assert under_way.wait(30)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as m:
+        m.setattr(controller, "_line", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            bench.stage.home()
+    with pytest.raises(DeviceFault, match="homing was interrupted"):
+        controller.report()
+    assert bench.device.state == "Alarm"
 
 
 @pytest.mark.parametrize(

@@ -45,6 +45,7 @@ UNIT = r"(?P<value>[-+\d.,Ee]+)\s*(?P<unit>\w*)"
         ("0,25", {"decimal": "comma"}, 0.25),
         ("250 mV", {"answer": UNIT}, 0.25),
         ("250000uV", {"answer": UNIT}, 0.25),
+        ("250000 µV", {"answer": UNIT}, 0.25),
         ("3,5E2 mV", {"answer": UNIT, "decimal": "comma"}, 0.35),
         ("0.25 nA", {"answer": UNIT, "unit": "A"}, 2.5e-10),
         ("2500 pA", {"answer": UNIT, "unit": "nA"}, 2.5),
@@ -177,6 +178,13 @@ def test_a_spectrum_of_2048_numbers(bench):
     b = bench(answering(",".join(map(str, said))), described(r"(?P<values>.*)", count=2048, unit="counts"))
     b.detector.connect()
     np.testing.assert_array_equal(b.detector.read().value, said)
+
+
+def test_a_micro_sign_in_latin_1(bench):
+    b = bench(answering("?"), described(UNIT))
+    b.device.receive = lambda data: [b"250000 \xb5V\r\n"]
+    b.detector.connect()
+    assert b.detector.read().value == pytest.approx(0.25)
 
 
 def test_a_plug_that_is_out_for_a_while(bench):

@@ -89,6 +89,22 @@ def test_it_measures_what_is_there():
     assert all(r["reply"].startswith("+") for r in raw)
 
 
+def test_an_arduino_that_sends_by_itself_measures_too():
+    """500 counts of a white diffuser, 1,023 at most: steps of 0.2 % and one range."""
+    text = {**CONFIG.model_dump(mode="json"), "name": "arduino", "detector": {
+        "kind": "text", "instrument": "arduino_line", "white": 500.0, "boot_s": 0}}  # fmt: skip
+    rig = open_rig(RigConfig.model_validate(text), Lambert([0.5]), 1)
+    wi = wo = np.array([[0.0, 0.0, 1.0]])
+    tilted = np.array([[np.sin(0.8), 0.0, np.cos(0.8)]])
+    (seen,) = rig.visit(tilted, wo, np.arange(1))
+    assert seen.f[0, 0] == pytest.approx(0.5 / np.pi, abs=5 * seen.sigma[0, 0]) and not seen.saturated[0]
+    rig.close()
+    rig = open_rig(RigConfig.model_validate(text), Lambert([3.0]), 1)
+    (seen,) = rig.visit(tilted, wi, np.arange(1))
+    assert seen.saturated[0] and seen.raw[0]["reply"] == "1023"
+    rig.close()
+
+
 @pytest.mark.slow
 def test_a_run_and_its_products(tmp_path):
     """As an operator types it; the report, the budget and a resumed run know the instrument."""

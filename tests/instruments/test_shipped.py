@@ -10,6 +10,7 @@ from gonio.config.detectors import PhotodiodeConfig
 from gonio.config.instrument import Instrument
 from gonio.rig.errors import DeviceFault
 from sim.wire.instruments import KINDS
+from sim.wire.plain import PlainDevice
 from tests.conftest import ROOT
 from tests.instruments.bench import Bench
 
@@ -130,9 +131,8 @@ def test_ophir_refuses_in_its_own_words(bench):
 
 def test_an_arduino_that_sends_by_itself(tmp_path):
     """Each reading is of a line that began after it was asked for: what lies in the buffer is of the past."""
-    b = Bench(tmp_path, "arduino_line", boot_s=0)
+    b = Bench(tmp_path, "arduino_line", PlainDevice([]), boot_s=0)
     said = iter(range(1000))
-    b.device.receive = lambda data: []
     more = b.detector.instrument.port._more
 
     def loop(seconds):  # whoever waits hears one more line
