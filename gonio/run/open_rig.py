@@ -35,8 +35,10 @@ def open_rig(
     if truth is None:
         raise ConfigError(f"truth: missing; rig {config.name} is simulated and needs a BRDF to show")
     if config.channels not in (None, truth.channels):
-        what = "camera.channels" if config.detector == "camera" else "detector"
-        raise ConfigError(f"{what}: rig {config.name} has {config.channels} channels, the truth {truth.channels}")
+        has, shows = config.channels, truth.channels
+        if config.detector == "camera":
+            raise ConfigError(f"camera.channels: rig {config.name} names {has} planes, the truth has {shows}")
+        raise ConfigError(f"detector: rig {config.name} has {has} channels, the truth has {shows}")
     from sim.sample import Sample
 
     half = np.radians([config.acceptance.light_half_angle_deg, config.acceptance.detector_half_angle_deg])
