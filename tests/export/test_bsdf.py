@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from brdf.halfsquare import sample_p_value
 
+from gonio import load_brdf
 from gonio.brdf import Ggx, Lambert, Mixture, RglBrdf
 from gonio.brdf.tables.tensor_file import read_tensor_file
 from gonio.evaluate import evaluate
