@@ -107,10 +107,7 @@ class GrblStage:
         self.homed = False
         if self.homing and not self._stopped.is_set():
             self._drive_home()
-        report = self._report()
-        if report.state == "Alarm":
-            raise DeviceFault("stage", *codes.error(9))
-        self._inside(self._angles(report))
+        self._inside(self._angles(self._known(self._report())))
         self.homed = True
 
     def _drive_home(self) -> None:

@@ -155,7 +155,7 @@ def test_one_channel_is_grey(tmp_path):
     table = load_brdf(tmp_path / "x.bsdf")
     up = np.array([[0.0, 0.0, 1.0]])
     wo = np.array([[0.5, 0.0, np.sqrt(0.75)]])
-    np.testing.assert_allclose(table.eval(up, wo), np.full((1, 3), 0.5 / np.pi), rtol=1e-3)
+    np.testing.assert_allclose(table.eval(up, wo), np.full((1, 3), 0.5 / np.pi), rtol=1e-2)
 
 
 def test_the_test_of_refusal_would_see_a_table_with_nan():
