@@ -257,6 +257,18 @@ def test_what_comes_unasked_is_no_answer(bench, pieces):
     assert b.detector.read().value == 0.25 and not left
 
 
+@pytest.mark.parametrize("blob", [b"x" * 300_000, b"\xff\x00\x80" * 50_000, b"1\r" * 50_000, b"\n" * 100_000])
+def test_babble_is_named_in_one_line(bench, blob):
+    """No end of line, no text, lines without end, empty ones: refused with what came, nothing kept beyond a line."""
+    b = bench(PlainDevice([]), described(r"(?P<value>\d+\.\d+)"))
+    b.device.receive = lambda data: [blob]
+    with pytest.raises(DeviceFault) as e:
+        b.detector.connect()
+    assert str(e.value).startswith("meter: ") and "\n" not in str(e.value) and len(str(e.value)) < 300
+    port = b.detector.instrument.port
+    assert len(port.begun) <= 70_000 and sum(map(len, port._lines)) < 10_000_000
+
+
 def test_how_the_line_is_set(bench, monkeypatch):
     """Baud rate, bits, parity, stop bits and flow control go to the port; the rig's own baud rate wins."""
     asked = {}
