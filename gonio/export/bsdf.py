@@ -44,7 +44,7 @@ def write_bsdf(
     resolution: int | None = None,
     description: str = "gonio",
 ) -> None:
-    """Write `brdf` to `path`, whole or not at all; rgb (3 channels) unless `spectral`.
+    """Write `brdf` to `path`, whole or not at all; rgb (3 channels, or 1 that stands for all) unless `spectral`.
 
     anisotropic: a table over all azimuths of the light; None = where the BRDF is seen to change with them.
     Spectral files hold the channels at `brdf.wavelengths` (nm) where it has them, else a smooth upsampling of rgb.
@@ -52,10 +52,27 @@ def write_bsdf(
     25 azimuths x 16 incidences of 32 x 32.
     Raises ExportError for a BRDF with NaN, negative values, or the wrong channels.
     """
+    brdf = Grey(brdf) if brdf.channels == 1 and not spectral else brdf
     made = fields(brdf, anisotropic, spectral, incidences, resolution, description)
     if incidences is None and resolution is None and len(made["phi_i"]) == 1 and _error(brdf, made) > ENOUGH:
         made = fields(brdf, False, spectral, *FINER, description)
     write_tensor_file(path, made)
+
+
+class Grey:
+    """A BRDF of one channel, in three that are alike."""
+
+    def __init__(self, brdf: Brdf):
+        self.brdf, self.channels = brdf, 3
+
+    def eval(self, wi: Array, wo: Array) -> Array:
+        return np.repeat(self.brdf.eval(wi, wo), 3, axis=-1)
+
+    def sample(self, wi: Array, u: Array) -> tuple[Array, Array]:
+        return self.brdf.sample(wi, u)
+
+    def pdf(self, wi: Array, wo: Array) -> Array:
+        return self.brdf.pdf(wi, wo)
 
 
 def _error(brdf: Brdf, made: dict[str, Array]) -> float:
