@@ -16,6 +16,7 @@ HOUSE = [
     {"gonio.cli"},
     {"gonio.commands"},
     {"gonio.daemon", "gonio.bench"},
+    {"gonio.importing"},
     {"gonio.run"},
     {"gonio.budget"},
     {"gonio.acquire"},

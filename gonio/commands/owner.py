@@ -29,8 +29,24 @@ def daemon(
     serve(rig_config(rig), runs, tcp, lambda line: typer.echo(line))
 
 
-def status(rig: Which = None, json: Annotated[bool, typer.Option("--json", help="print JSON")] = False) -> None:
-    """What the daemon's rig does now, and how its devices are."""
+def status(
+    run: Annotated[Path | None, typer.Argument(help="a run folder: what it holds, daemon or none")] = None,
+    rig: Which = None,
+    json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
+) -> None:
+    """What the daemon's rig does now, and how its devices are; or what a run folder holds."""
+    if run is not None:
+        from gonio.run.holds import holds
+
+        found = holds(run)
+        if json:
+            import json as js
+
+            typer.echo(js.dumps(found))
+        else:
+            for key, what in found.items():
+                typer.echo(f"{key:12} {', '.join(what) if isinstance(what, list) else what}")
+        return
     from gonio.commands.watching import text_of
     from gonio.daemon.client import the_one
 

@@ -49,7 +49,9 @@ def write_report(
     samples = Samples.of(m.seen[good, :3], m.seen[good, 3:], m.f[good], m.sigma[good], m.saturated[good])
     sphere, figures_of_merit = figures.spheres(brdf, truth)
     failed = int((~good).sum())
-    parts = [_verdict(verdict(brdf, samples, material, failed)), _facts(store, material, m, steps, brdf)]
+    imported = store.get("provenance", {}).get("imported")
+    parts = [_verdict(verdict(brdf, samples, material, failed, imported is not None))]
+    parts.append(_facts(store, material, m, steps, brdf) if imported is None else _source(imported, m, brdf))
     parts.append(
         _section(
             "Sphere under a sky and three lamps", sphere, ", ".join(f"{k} {v:.1f}" for k, v in figures_of_merit.items())
@@ -78,7 +80,8 @@ def write_report(
         )
     )
     parts.append(_flow(store, samples, flow))
-    parts.append(_chains(store, steps))
+    if imported is None:
+        parts.append(_chains(store, steps))
     parts.append(_reciprocity(samples))
     title = html.escape(material.name)
     page = f"<!doctype html><meta charset=utf-8><title>{title}</title><style>{STYLE}</style><h1>{title}</h1>" + "".join(
@@ -115,6 +118,22 @@ def _facts(store: Store, material: Material, m, steps, brdf: Brdf) -> str:
     if estimate is not None:
         rows["estimated energy error"] = f"{float(estimate):.3f} (no truth needed)"
     return _table("Run", rows)
+
+
+def _source(imported: dict, m, brdf: Brdf) -> str:
+    """Of a run that was imported: from what, and how the file was understood."""
+    rows = {
+        "imported from": f"{', '.join(imported['files'][:5])} ({imported['format']}, {len(imported['files'])} file(s))",
+        "SHA-256": imported["sha256"][0],
+        "readings": str(len(m.id)),
+        "taken as": imported["quantity"],
+        "columns": "; ".join(f"{k}: {v}" for k, v in imported["mapping"].items()),
+    }
+    rows |= {f"note {k + 1}": line for k, line in enumerate(imported["said"])}
+    estimate = getattr(brdf, "energy_error_estimate", None)
+    if estimate is not None:
+        rows["estimated energy error"] = f"{float(estimate):.3f} (no truth needed)"
+    return _table("Imported", rows)
 
 
 def _blocks(steps) -> dict[str, str]:

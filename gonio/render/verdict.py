@@ -38,27 +38,34 @@ class Verdict:
         return f"{words}: estimated energy error {self.error:.1%}, goal {self.goal:.1%}. {self.next}".rstrip()
 
 
-def verdict(brdf: Brdf, samples: Samples, material: Material, failed: int = 0) -> Verdict:
-    """Of a run's BRDF and all its samples in the order of their making; failed: readings that gave no value."""
+def verdict(brdf: Brdf, samples: Samples, material: Material, failed: int = 0, imported: bool = False) -> Verdict:
+    """Of a run's BRDF and all its samples in the order of their making; failed: readings that gave no value.
+
+    imported: they come from a file, in its order, which says nothing; nothing can be measured on.
+    """
+    if imported:
+        samples = samples[np.random.default_rng(0).permutation(len(samples))]
     goal = material.stop.energy_error or DEFAULT_GOAL
     anisotropic = material.symmetry == "anisotropic"
     error, slope = _error(brdf, samples, anisotropic)
     more = None if slope is None or error <= goal else int(len(samples) * ((error / goal) ** (1 / slope) - 1)) + 1
     grade = "good" if error <= goal else "unusable" if error > USELESS else "not yet"
-    words = _next(grade, error, slope, more, len(samples))
+    words = _next(grade, error, slope, more, len(samples), imported)
     return Verdict(grade, error, goal, more, _findings(brdf, samples, failed), words)
 
 
-def _next(grade: str, error: float, slope: float | None, more: int | None, n: int) -> str:
+def _next(grade: str, error: float, slope: float | None, more: int | None, n: int, imported: bool) -> str:
     if grade == "good":
         return ""
     if more is None or slope is None:
-        return "Measure more: `gonio resume RUN --set budget.measurements=N`."
+        return "Import more readings." if imported else "Measure more: `gonio resume RUN --set budget.measurements=N`."
     if more > FAR * n:
         twice = error * 2**-slope
         return f"The error falls slowly, as N^-{slope:.2f}: twice as many measurements would give about {twice:.1%}."
     digits = 10 ** max(int(np.log10(more)) - 1, 0)
     rounded = -(-more // digits) * digits
+    if imported:
+        return f"About {rounded:,} more readings, spread as these are."
     return f"About {rounded:,} more measurements: `gonio resume RUN --set budget.measurements={n + rounded}`."
 
 

@@ -47,11 +47,12 @@ def judge(folder: Path) -> str:
     """The verdict on a run's BRDF and what was found wrong with it, in lines."""
     from gonio.render.verdict import verdict
 
-    material = read_config(folder).material
+    config = read_config(folder)
     with Store.open(folder, write=False) as store:
         m = store.measured()
         samples = load_samples(store, m)
-    v = verdict(gonio.load_brdf(folder), samples, material, len(m.id) - len(samples))
+    failed, imported = len(m.id) - len(samples), config.imported is not None
+    v = verdict(gonio.load_brdf(folder), samples, config.material, failed, imported)
     return "\n".join(line.replace("RUN", str(folder)) for line in [v.line, *v.findings])
 
 
@@ -65,7 +66,7 @@ def evaluate_run(path: str, truth: str | None) -> dict[str, float]:
         own = own_truth(path)
         if own is None:
             raise ConfigError(
-                f"{path}: measured on a real rig, its truth is not known; say what to compare it with by --truth"
+                f"{path}: measured on a real sample, its truth is not known; say what to compare it with by --truth"
             )
         truth = str(own.path)
     brdf, reference = gonio.load_brdf(path), open_truth(truth)

@@ -122,6 +122,10 @@ def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = (), *, a
     """
     stale = ("rig.calibration.allow_stale=true",) * allow_stale
     config = read_config(folder, (*(f"material.{o}" for o in overrides), *stale))
+    if config.imported is not None:
+        raise ConfigError(
+            f"{folder}: imported from {config.imported.files[0]}, no rig can go on with it; import a larger file"
+        )
     allowed = ("budget.", "stop.", "reconstruct.")
     for o in overrides:
         if not o.startswith(allowed):

@@ -12,11 +12,23 @@ from gonio.config.loader import Section, parse_config
 from gonio.config.rig import RigConfig
 
 
+class Imported(Section):
+    """Where the readings of a run come from that gonio did not measure, and how the file was understood."""
+
+    files: tuple[str, ...]
+    sha256: tuple[str, ...]
+    format: str
+    quantity: str
+    mapping: dict[str, str]
+    said: tuple[str, ...] = ()
+
+
 class RunConfig(Section):
-    """What a run was started with."""
+    """What a run was started with; of an imported one the rig is a stand-in."""
 
     material: Material
     rig: RigConfig
+    imported: Imported | None = None
 
 
 def read_config(folder: str | os.PathLike[str], overrides: tuple[str, ...] = ()) -> RunConfig:
@@ -45,4 +57,7 @@ def write_config(folder: str | os.PathLike[str], config: RunConfig) -> None:
 
 
 def dump(config: RunConfig) -> str:
-    return yaml.safe_dump(json.loads(config.model_dump_json()), sort_keys=False)
+    said = json.loads(config.model_dump_json())
+    if said["imported"] is None:
+        del said["imported"]
+    return yaml.safe_dump(said, sort_keys=False)
