@@ -15,16 +15,16 @@ balance heuristic (Veach 1997), so that peaks of any width are seen.
 import numpy as np
 
 from gonio.brdf import Brdf
-from gonio.geometry import from_angles, half_vector, reflect
+from gonio.geometry import Array, from_angles, half_vector, reflect
 
 THETA_I = np.radians(np.linspace(5, 80, 9))
 ALPHAS = (0.005, 0.02, 0.08, 0.3)
 
 
-def directions(n: int = 4000, seed: int = 7):
+def directions(n: int = 4000, seed: int = 7, theta_i: Array = THETA_I):
     """Per incidence angle: wi, wo (M, 3), weights (M,) of the quadrature over wo, and which draws were uniform (M,)."""
     rng, m = np.random.default_rng(seed), n // (len(ALPHAS) + 1)
-    for theta in THETA_I:
+    for theta in theta_i:
         wi = np.array([np.sin(theta), 0, np.cos(theta)])
         z, phi = rng.random(m), 2 * np.pi * rng.random(m)
         r = np.sqrt(1 - z * z)
@@ -46,12 +46,12 @@ def directions(n: int = 4000, seed: int = 7):
         yield np.broadcast_to(wi, wo.shape).copy(), wo, (len(ALPHAS) + 1) / (pdf * n), uniform
 
 
-def evaluate(brdf: Brdf, truth: Brdf, n: int = 4000, seed: int = 7) -> dict[str, float]:
-    """The figures of the module's text. Raises ValueError where the two do not have the same channels."""
+def evaluate(brdf: Brdf, truth: Brdf, n: int = 4000, seed: int = 7, theta_i: Array = THETA_I) -> dict[str, float]:
+    """The figures of the module's text, or at other incidences theta_i (radians). Raises ValueError where the two do not have the same channels."""
     if brdf.channels != truth.channels:
         raise ValueError(f"{brdf.channels} channels cannot be compared with the truth's {truth.channels}")
     energy, bright, log = [], [], []
-    for wi, wo, weight, uniform in directions(n, seed):
+    for wi, wo, weight, uniform in directions(n, seed, theta_i):
         got, want = brdf.eval(wi, wo), truth.eval(wi, wo)
         cos = wo[:, 2:3]
         w = weight[:, None]

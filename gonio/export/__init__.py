@@ -8,6 +8,12 @@ from gonio.geometry import Array
 class ExportError(ValueError):
     """A BRDF that must not be written: says what is wrong with it. One line."""
 
+    exit_code = 2
+
+
+class ExportWarning(UserWarning):
+    """What the file cannot hold of what was written to it, or what its readers must know. One line."""
+
 
 def checked(brdf, wi: Array, wo: Array) -> Array:
     """`brdf.eval(wi, wo)`, (N, C), refused with ExportError where a value is NaN, infinite or negative.

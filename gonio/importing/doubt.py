@@ -17,7 +17,8 @@ LOOKED_AT = 6000  # readings
 FEWEST = 40  # pairs that say something
 NEAR = 0.25  # distance in `_place` up to which two readings are at one place
 SLANT = 0.2  # of |log(cos theta_i / cos theta_o)|: below, the two hypotheses hardly differ
-SURE = 0.3  # half width of the interval of 95 % of s
+BRIGHT = 0.8  # power of the value that a pair counts with
+SURE = 0.45  # half width of the interval of 95 % of s
 TOO_MUCH = 1.15  # reflectance
 NORMAL_DEG = 1.6  # all directions within this of the normal: radians read as degrees
 BELOW = 0.25  # share of directions below the horizon
@@ -57,7 +58,7 @@ def doubts(wi: Array, wo: Array, f: Array, below: int, quantity: str, isotropic:
     if (line := _mirror(wi, wo, v)) is not None:
         return Doubts((*lines, line), np.nan, np.nan, np.nan)  # the others would be of a wrong geometry
     slope, u = _slope(wi, wo, np.log(v), rng)
-    if u < SURE and abs(slope) > 0.5:
+    if u < SURE and abs(slope) > max(0.5, 0.3 + u):
         lines.append(_of_slope(slope, u, quantity))
     reflectance = _reflectance(wi, wo, f) if isotropic or len(f) > 500 else np.nan
     if reflectance > TOO_MUCH:
@@ -107,7 +108,8 @@ def _slope(wi: Array, wo: Array, log_v: Array, rng: np.random.Generator) -> tupl
     keep = np.abs(q) > SLANT
     if keep.sum() < FEWEST:
         return np.nan, np.nan
-    ratio, weight = ((log_v[a] - log_v[b]) / q)[keep], np.abs(q[keep])
+    bright = np.exp(BRIGHT * ((log_v[a] + log_v[b]) / 2 - log_v.max()))  # where it is dark, offsets are all there is
+    ratio, weight = ((log_v[a] - log_v[b]) / q)[keep], (np.abs(q) * bright)[keep]
     draws = rng.integers(0, len(ratio), (100, len(ratio)))
     spread = [_weighted_median(ratio[i], weight[i]) for i in draws]
     return _weighted_median(ratio, weight), 1.96 * float(np.std(spread)) + 0.02
@@ -140,8 +142,6 @@ def _reflectance(wi: Array, wo: Array, f: Array) -> float:
 
 def _mirror(wi: Array, wo: Array, v: Array) -> str | None:
     """A line where the values grow towards the light and not towards the mirror direction."""
-    from scipy.stats import spearmanr
-
     slanting = wi[:, 2] < np.cos(np.radians(15))
     if slanting.sum() < FEWEST:
         return None
@@ -150,10 +150,20 @@ def _mirror(wi: Array, wo: Array, v: Array) -> str | None:
     to_mirror, to_light = (np.einsum("ni,ni->n", b, w) for w in (mirror, a))
     if min(np.ptp(to_mirror), np.ptp(to_light)) < 1e-6 or np.ptp(v) == 0:
         return None
-    towards_mirror, towards_light = (float(spearmanr(c, v).statistic) for c in (to_mirror, to_light))
+    towards_mirror, towards_light = (_rank_correlation(c, v) for c in (to_mirror, to_light))
     if towards_light > 0.5 and towards_light > towards_mirror + 0.3:
         return "it shines back to the light, not to the mirror direction: is the azimuth the other way (--specular)?"
     return None
+
+
+def _rank_correlation(x: Array, y: Array) -> float:
+    """Spearman's; equal values share their mean rank."""
+    ranks: list[Array] = []
+    for values in (x, y):
+        _, group, size = np.unique(values, return_inverse=True, return_counts=True)
+        ranks.append((np.cumsum(size) - (size - 1) / 2)[group])
+    x, y = (r - r.mean() for r in ranks)
+    return float((x * y).sum() / np.sqrt((x * x).sum() * (y * y).sum()))
 
 
 def turns_with_sample(wi: Array, wo: Array, f: Array) -> bool:

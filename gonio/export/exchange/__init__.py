@@ -1,0 +1,1 @@
+"""Files that laboratories and optical design programs exchange."""

@@ -1,0 +1,48 @@
+"""A BRDF on a lattice of three or four angles, as readers of text tables interpolate it, and what that loses."""
+
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+
+from gonio.brdf import Brdf
+from gonio.evaluate import directions, evaluate
+from gonio.export import ExportWarning
+from gonio.geometry import Array
+
+NOTABLE = 0.01  # energy error worth a word
+AWAY = np.radians(np.array([5.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.0]))  # incidences between those of a lattice
+
+
+class Lattice:
+    """values (A, B, ..., C) at axes (radians, ascending), linear between; `to_axes` gives the coordinates of wi, wo."""
+
+    def __init__(self, to_axes: Callable[[Array, Array], tuple[Array, ...]], axes: tuple[Array, ...], values: Array):
+        from scipy.interpolate import RegularGridInterpolator
+
+        self.channels = values.shape[-1]
+        self._to_axes, self._axes = to_axes, axes
+        self._table = RegularGridInterpolator(axes, values)
+
+    def eval(self, wi: Array, wo: Array) -> Array:
+        at = [np.clip(x, axis[0], axis[-1]) for x, axis in zip(self._to_axes(wi, wo), self._axes)]
+        up = (wi[:, 2] > 0) & (wo[:, 2] > 0)
+        return np.where(up[:, None], self._table(np.stack(at, 1)), 0.0)
+
+
+def say_loss(lattice: Lattice, brdf: Brdf, what: str, theta_i: Array = AWAY) -> float:
+    """The energy error of the lattice against the BRDF at theta_i (radians); an ExportWarning where it is notable."""
+    error = evaluate(lattice, brdf, n=1500, theta_i=theta_i)["energy_mean"]  # type: ignore[arg-type]
+    if error > NOTABLE:
+        line = f"{what} holds this BRDF to {error:.1%} of its reflected energy: peaks narrower than its angles are lost"
+        warnings.warn(line, ExportWarning, stacklevel=3)
+    return error
+
+
+def reflectances(brdf: Brdf, theta_i: Array) -> Array:
+    """(T, C): directional-hemispherical, at incidences in radians."""
+    found = [
+        (brdf.eval(wi, wo) * (weight * wo[:, 2])[:, None]).sum(0)
+        for wi, wo, weight, _ in directions(4000, theta_i=theta_i)
+    ]
+    return np.array(found)
