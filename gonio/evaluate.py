@@ -47,7 +47,10 @@ def directions(n: int = 4000, seed: int = 7, theta_i: Array = THETA_I):
 
 
 def evaluate(brdf: Brdf, truth: Brdf, n: int = 4000, seed: int = 7, theta_i: Array = THETA_I) -> dict[str, float]:
-    """The figures of the module's text, or at other incidences theta_i (radians). Raises ValueError where the two do not have the same channels."""
+    """The figures of the module's text, or at other incidences theta_i (radians).
+
+    Raises ValueError where the two do not have the same channels.
+    """
     if brdf.channels != truth.channels:
         raise ValueError(f"{brdf.channels} channels cannot be compared with the truth's {truth.channels}")
     energy, bright, log = [], [], []

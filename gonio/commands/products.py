@@ -47,14 +47,34 @@ def evaluate(
 def export(
     run: RunFolder,
     format: Annotated[
-        str, typer.Option("--format", help="bsdf, merl, grid, csv, parquet, netcdf or mountain")
+        str,
+        typer.Option(
+            "--format",
+            help="bsdf, merl, grid, mountain, zemax, astm, xml or klems (Radiance), gltf, materialx; of the samples "
+            "csv, parquet, netcdf, json (BRDF-JSON), nexus",
+        ),
     ] = "bsdf",
     out: Annotated[Path | None, typer.Option(help="the file (or folder) to write [default: in the run]")] = None,
+    spectral: Annotated[
+        bool, typer.Option("--spectral", help="a .bsdf of wavelengths: spectral renderers refuse one of rgb")
+    ] = False,
 ) -> None:
-    """Write the BRDF or the samples in a format that other programs read."""
+    """Write the BRDF, the samples or a fit in a format that other programs read; what it cannot hold is said."""
+    import warnings
+
+    from gonio.export import ExportWarning
     from gonio.run.products import export_run
 
-    typer.echo(export_run(run, format, out))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ExportWarning)
+        typer.echo(export_run(run, format, out, spectral))
+    for w in caught:
+        if issubclass(w.category, ExportWarning):
+            typer.echo(f"note   {w.message}", err=True)
+    if format == "bsdf" and not spectral:
+        typer.echo(
+            f"note   spectral renderers refuse rgb: `gonio export {run} --spectral` writes wavelengths", err=True
+        )
 
 
 def report(

@@ -12,17 +12,22 @@ import numpy as np
 from gonio.atomic import replacing
 from gonio.brdf import Brdf
 from gonio.export import ExportError, checked
-from gonio.export.profile import half_profile, half_width
+from gonio.export.profile import half_profile, half_width, turns
 from gonio.geometry import Array, from_angles, from_height, reflect
 
 THETA_I_DEG = (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)
+PHI_I_DEG = tuple(np.arange(0.0, 360, 30.0))  # of a surface that changes as it is turned
 UNIFORM, LOBE = 4000, 4000  # outgoing directions over the hemisphere, and more of them about the lobe
 RGB_TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
 GOLDEN = np.pi * (3 - np.sqrt(5))
 
 
-def write_mountain(brdf: Brdf, folder: str | os.PathLike, theta_i_deg=THETA_I_DEG, name: str = "gonio") -> list[Path]:
+def write_mountain(
+    brdf: Brdf, folder: str | os.PathLike, theta_i_deg=THETA_I_DEG, name: str = "gonio", phi_i_deg=None
+) -> list[Path]:
     """Write one text file per incidence into `folder` (made if need be) and give their paths.
+
+    phi_i_deg: azimuths of the light; None = 0 alone, or twelve where the BRDF changes as the sample is turned.
 
     Raises ExportError for unsorted incidences, or a BRDF with NaN, negative values or other than 1 or 3 channels.
     """
@@ -33,12 +38,16 @@ def write_mountain(brdf: Brdf, folder: str | os.PathLike, theta_i_deg=THETA_I_DE
         raise ExportError(f"incidences {list(theta_i_deg)} are not ascending within 0..90 degrees")
     width = half_width(half_profile(brdf, 512, 2))
     tables = []
-    for angle in angles:
-        wi = from_angles(np.radians(angle), 0.0)
+    if phi_i_deg is None:
+        phi_i_deg = PHI_I_DEG if turns(brdf) else (0.0,)
+    lights = [(t, p) for t in angles for p in (phi_i_deg if t > 0 else phi_i_deg[:1])]
+    for theta, phi in lights:
+        wi = from_angles(np.radians(theta), np.radians(phi))
         wo = _directions(wi, width)
         tables.append((wo, checked(brdf, np.broadcast_to(wi, wo.shape), wo) * wo[:, 2:]))
     Path(folder).mkdir(parents=True, exist_ok=True)
-    return [_write(Path(folder), name, angle, *table) for angle, table in zip(angles, tables)]
+    names = [f"{name}_{t:04.1f}" + (f"_{p:03.0f}" if len(phi_i_deg) > 1 else "") for t, p in lights]
+    return [_write(Path(folder), n, name, t, p, *table) for n, (t, p), table in zip(names, lights, tables)]
 
 
 def _directions(wi: Array, width: float) -> Array:
@@ -53,15 +62,15 @@ def _directions(wi: Array, width: float) -> Array:
     return both[both[:, 2] > 1e-4]
 
 
-def _write(folder: Path, name: str, theta_i: float, wo: Array, dsf: Array) -> Path:
+def _write(folder: Path, file: str, name: str, theta_i: float, phi_i: float, wo: Array, dsf: Array) -> Path:
     theta = np.degrees(np.arctan2(np.hypot(wo[:, 0], wo[:, 1]), wo[:, 2]))
     phi = np.degrees(np.arctan2(wo[:, 1], wo[:, 0])) % 360
     colours = "CIE-XYZ" if dsf.shape[1] == 3 else "CIE-Y"
     head = f'#sample_name "{name}"\n#colorimetry: {colours}\n#format: theta phi DSF\n'
-    head += f"#intheta {theta_i:.6f}\n#inphi 0.000000\n"
+    head += f"#intheta {theta_i:.6f}\n#inphi {phi_i:.6f}\n"
     if dsf.shape[1] == 3:
         dsf = dsf @ RGB_TO_XYZ.T
-    path = folder / f"{name}_{theta_i:04.1f}.txt"
+    path = folder / f"{file}.txt"
     lines = [f"{t:.6f} {p:.6f} " + " ".join(f"{v:.8g}" for v in row) for t, p, row in zip(theta, phi, dsf)]
     with replacing(path) as stream:
         stream.write((head + "\n".join(lines) + "\n").encode())

@@ -107,8 +107,20 @@ def make_budget(folder: Path, theta_i_deg: tuple[float, ...] | None = None) -> d
     return write_budget(folder, budget_of(folder), theta_i_deg)
 
 
-def export_run(folder: Path, format: str, out: Path | None = None) -> Path:
-    """Write the run's BRDF (bsdf, merl, grid, mountain) or samples (csv, parquet, netcdf); the path written."""
+def export_run(folder: Path, format: str, out: Path | None = None, spectral: bool = False) -> Path:
+    """Write the run's BRDF, its samples or the parameters of a fit, by a key of the tables below; the path written.
+
+    spectral: a .bsdf of wavelengths instead of rgb. Warns (ExportWarning) of what the file cannot hold. Raises
+    ConfigError, ExportError, MissingExtra.
+    """
+    if spectral:
+        if format != "bsdf":
+            raise ConfigError(f"--spectral: only a .bsdf can be, not {format}")
+        from gonio.export.bsdf import write_bsdf
+
+        path = out or Path(folder) / "brdf_spectral.bsdf"
+        write_bsdf(gonio.load_brdf(folder), path, spectral=True)
+        return path
     if format in SAMPLE_FORMATS:
         module, function, name = SAMPLE_FORMATS[format]
         with Store.open(folder, write=False) as store:
@@ -119,7 +131,23 @@ def export_run(folder: Path, format: str, out: Path | None = None) -> Path:
         path = out or Path(folder) / name
         _function(module, function)(gonio.load_brdf(folder), path)
         return path
-    raise ConfigError(f"--format {format}: not one of {', '.join([*BRDF_FORMATS, *SAMPLE_FORMATS])}")
+    if format in FIT_FORMATS:
+        module, function, name = FIT_FORMATS[format]
+        path = out or Path(folder) / name
+        reference = gonio.load_brdf(folder) if (Path(folder) / "brdf.npz").exists() else None
+        _function(module, function)(_lobes(folder), path, reference)
+        return path
+    raise ConfigError(f"--format {format}: not one of {', '.join([*BRDF_FORMATS, *SAMPLE_FORMATS, *FIT_FORMATS])}")
+
+
+def _lobes(folder: Path):
+    """The `lobes` fit of a run's samples."""
+    from gonio.reconstruct import reconstruct
+
+    config = read_config(folder).material
+    with Store.open(folder, write=False) as store:
+        samples = load_samples(store)
+    return reconstruct(samples, "lobes", anisotropic=config.symmetry == "anisotropic", seed=config.seed)
 
 
 def _shared(folder: Path, brdf):
@@ -226,12 +254,22 @@ SAMPLE_FORMATS = {
     "csv": ("gonio.export.samples", "write_csv", "samples.csv"),
     "parquet": ("gonio.export.samples", "write_parquet", "samples.parquet"),
     "netcdf": ("gonio.export.netcdf", "write_netcdf", "chains.nc"),
+    "json": ("gonio.export.exchange.brdf_json", "write_json", "samples.brdf"),
+    "nexus": ("gonio.export.exchange.nexus", "write_nexus", "samples.nxs"),
 }
 BRDF_FORMATS = {
     "bsdf": ("gonio.export.bsdf", "write_bsdf", "brdf.bsdf"),
     "merl": ("gonio.export.merl", "write_merl", "brdf.binary"),
     "grid": ("gonio.export.grid", "write_grid", "grid.npz"),
     "mountain": ("gonio.export.mountain", "write_mountain", "mountain"),
+    "zemax": ("gonio.export.exchange.zemax", "write_zemax", "zemax.bsdf"),
+    "astm": ("gonio.export.exchange.astm", "write_astm", "brdf.astm"),
+    "xml": ("gonio.export.renderers.radiance", "write_ttree", "brdf.xml"),
+    "klems": ("gonio.export.renderers.radiance", "write_klems", "klems.xml"),
+}
+FIT_FORMATS = {
+    "gltf": ("gonio.export.renderers.gltf", "write_gltf", "material.gltf"),
+    "materialx": ("gonio.export.renderers.materialx", "write_materialx", "material.mtlx"),
 }
 
 

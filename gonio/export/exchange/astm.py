@@ -16,32 +16,29 @@ from gonio.export.profile import half_profile, half_width, turns
 from gonio.geometry import Array, from_angles
 
 INCIDENCE = np.radians(np.arange(0, 86, 10.0))
-THETA = np.radians(np.arange(0, 89, 4.0))
-PHI = np.radians(np.arange(0, 181, 10.0))
-CROWD = np.array([0.25, 0.5, 1.0, 2.0])  # of the lobe's width, on either side of the mirror direction
+THETA = np.radians(np.arange(0, 89, 3.0))
+PHI = np.radians(np.arange(0, 181, 7.5))
+CROWD = np.array([0.2, 0.4, 0.7, 1.2, 2.5])  # of the lobe's width, on either side of the mirror direction
 LIGHTS = np.radians(np.arange(0, 360, 30.0))  # azimuths, of an anisotropic one
 
 
 def write_astm(brdf: Brdf, path: str | os.PathLike, channels: tuple[str, ...] | None = None) -> None:
-    """Whole or not at all. Warns (ExportWarning) of what it cannot hold; raises ExportError for NaN, negative values."""
+    """Whole or not at all. Warns (ExportWarning) of what it cannot hold; raises ExportError (NaN, negative values)."""
     width = 2 * half_width(half_profile(brdf, 512, 2))
     beside = np.concatenate([-CROWD[::-1], [0], CROWD]) * width
     theta = _merged(THETA, (INCIDENCE[:, None] + beside).ravel(), 0, np.radians(89))
-    half = _merged(PHI, np.pi - CROWD * 2 * width, 0, np.pi)
+    half = _merged(PHI, np.pi - np.concatenate([CROWD, 4 * CROWD[1:]]) * width, 0, np.pi)
     phi = np.concatenate([half, 2 * np.pi - half[-2:0:-1]])
     lights = LIGHTS if turns(brdf) else np.zeros(1)
     axes = INCIDENCE, lights, theta, phi
     i, p, t, a = (x.ravel() for x in np.meshgrid(*axes, indexing="ij"))
     f = checked(brdf, from_angles(i, p), from_angles(t, a + p))
     names = channels or (("R", "G", "B") if brdf.channels == 3 else tuple(f"c{k}" for k in range(brdf.channels)))
-    if len(lights) == 1:
-        # between incidences every reader has a way of its own: what is told here is what the rows themselves hold
-        round_ = np.concatenate([phi, [2 * np.pi]])
-        table = f.reshape(len(INCIDENCE), len(theta), len(phi), -1)
-        table = np.concatenate([table, table[:, :, :1]], 2)
-        say_loss(
-            Lattice(_coordinates, (INCIDENCE, theta, round_), table), brdf, "this lattice of ASTM E1392", INCIDENCE
-        )
+    # between incidences every reader has a way of its own: what is told here is what the rows themselves hold
+    table = f.reshape(len(INCIDENCE), len(lights), len(theta), len(phi), -1)[:, 0]
+    table = np.concatenate([table, table[:, :, :1]], 2)
+    lattice = Lattice(_coordinates, (INCIDENCE, theta, np.append(phi, 2 * np.pi)), table)
+    say_loss(lattice, brdf, "this lattice of ASTM E1392", INCIDENCE)
     head = ["ASTM E1392-96", "CREATED_BY gonio", f"NUM_POINTS {len(f)}"]
     head.append(f"VARS theta_i,phi_i,theta_s,phi_s,{','.join(n.replace(',', ' ').replace(' ', '_') for n in names)}")
     angles = np.stack([i, p, t, (a + p) % (2 * np.pi)], 1)

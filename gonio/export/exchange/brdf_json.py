@@ -1,7 +1,7 @@
 """A run's readings as BRDF-JSON with their uncertainties; the layout is that of `gonio.importing.brdf_json`.
 
-uBRDF is the standard uncertainty (k = 1) of each value: its noise, and of a calibrated rig what all readings share. What
-the schema wants and nobody here knows (organisation, address, contact) is left for who publishes the file.
+uBRDF is the standard uncertainty (k = 1) of each value: its noise, and of a calibrated rig what all readings share.
+What the schema wants and nobody here knows (organisation, address, contact) is left for who publishes the file.
 """
 
 import json

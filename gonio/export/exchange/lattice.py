@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -34,12 +35,12 @@ def say_loss(lattice: Lattice, brdf: Brdf, what: str, theta_i: Array = AWAY) -> 
     """The energy error of the lattice against the BRDF at theta_i (radians); an ExportWarning where it is notable."""
     error = evaluate(lattice, brdf, n=1500, theta_i=theta_i)["energy_mean"]  # type: ignore[arg-type]
     if error > NOTABLE:
-        line = f"{what} holds this BRDF to {error:.1%} of its reflected energy: peaks narrower than its angles are lost"
+        line = f"{what} puts {error:.1%} of the reflected energy in the wrong place: what is narrower than its angles"
         warnings.warn(line, ExportWarning, stacklevel=3)
     return error
 
 
-def reflectances(brdf: Brdf, theta_i: Array) -> Array:
+def reflectances(brdf: Any, theta_i: Array) -> Array:
     """(T, C): directional-hemispherical, at incidences in radians."""
     found = [
         (brdf.eval(wi, wo) * (weight * wo[:, 2])[:, None]).sum(0)

@@ -1,6 +1,6 @@
 """A run's readings as HDF5 in the layout of NeXus (manual.nexusformat.org: NXentry, NXdata, NXsample, NXinstrument).
 
-`/entry/data` is the default: `f` (readings, channels) in 1/sr with `f_errors`, angles in degrees, unit vectors `wi`, `wo`.
+`/entry/data` is the default: `f` (readings, channels) in 1/sr with `f_errors`, angles in degrees, vectors `wi`, `wo`.
 """
 
 import os

@@ -1,8 +1,8 @@
 """Any `Brdf` as Zemax's Tabular BSDF text, `.bsdf`: what `gonio.importing.zemax` describes and reads.
 
-XYZ of a 3-channel (linear sRGB) BRDF, Monochrome of a grey one. Radial angles follow the width of the lobe, from a sixth
-of it on in equal ratios. An entry below the horizon holds what lies at the horizon before it, so that nothing is lost in
-between; readers do not use it. TIS is the directional-hemispherical reflectance.
+XYZ of a 3-channel (linear sRGB) BRDF, Monochrome of a grey one. Radial angles follow the width of the lobe, from a
+sixth of it on in equal ratios. An entry below the horizon holds what lies at the horizon before it, so that nothing is
+lost in between; readers do not use it. TIS is the directional-hemispherical reflectance.
 """
 
 import os
@@ -44,8 +44,10 @@ HORIZON = 0.01  # z of the lowest direction that is asked for
 
 
 def write_zemax(brdf: Brdf, path: str | os.PathLike) -> None:
-    """Whole or not at all. Warns (ExportWarning) of what it cannot hold; raises ExportError for NaN, negative values, or
-    other than 1 or 3 channels."""
+    """Whole or not at all. Warns (ExportWarning) of what it cannot hold.
+
+    Raises ExportError for NaN, negative values, or other than 1 or 3 channels.
+    """
     if brdf.channels not in (1, 3):
         raise ExportError(f"the BRDF has {brdf.channels} channels, the format holds 1 or 3; nothing was written")
     anisotropic = turns(brdf)
@@ -54,15 +56,15 @@ def write_zemax(brdf: Brdf, path: str | os.PathLike) -> None:
     azimuth = np.linspace(0, 2 * np.pi if anisotropic else np.pi, 2 * AZIMUTHS - 1 if anisotropic else AZIMUTHS)
     rotation = np.radians(ROTATIONS_DEG) if anisotropic else np.zeros(1)
     f = _values(brdf, rotation, incidence, azimuth, radial)
-    if not anisotropic:
-        say_loss(Lattice(_coordinates, (incidence, azimuth, radial), f[0]), brdf, "this table of Zemax's")
+    # the referee's light is at azimuth 0: the first rotation tells
+    say_loss(Lattice(_coordinates(anisotropic), (incidence, azimuth, radial), f[0]), brdf, "this table of Zemax's")
     values = f @ RGB_TO_XYZ.T if brdf.channels == 3 else f
     tis = [reflectances(_Turned(brdf, r), incidence) for r in rotation]
     write_text(path, _text(values, tis, rotation, incidence, azimuth, radial, anisotropic))
 
 
 def radials(brdf: Brdf) -> Array:
-    """0 and angles in equal ratios from a sixth of the lobe's width to where the mirror direction of 85 degrees ends."""
+    """0 and angles in equal ratios, from a sixth of the lobe's width to where nothing is above the horizon."""
     width = half_width(half_profile(brdf, 512, 2))
     first = float(np.clip(2 * width / 6, np.radians(0.02), np.radians(2)))
     return np.concatenate([[0.0], np.geomspace(first, np.radians(175.0), RADIALS - 1)])
@@ -95,15 +97,20 @@ def _values(brdf: Brdf, rotation: Array, incidence: Array, azimuth: Array, radia
     return np.stack([checked(_Turned(brdf, phi), wi, wo).reshape(shape) for phi in rotation])
 
 
-def _coordinates(wi: Array, wo: Array) -> tuple[Array, Array, Array]:
-    """theta_i, azimuth (0 to pi), radial angle; the inverse of what `_values` does, for an isotropic surface."""
+def _coordinates(anisotropic: bool):
+    """wi, wo -> theta_i, azimuth (to pi, or 2 pi if anisotropic), radial angle: the inverse of what `_values` does."""
+    return lambda wi, wo: _about_mirror(wi, wo, anisotropic)
+
+
+def _about_mirror(wi: Array, wo: Array, whole_turn: bool) -> tuple[Array, Array, Array]:
     theta = np.arctan2(np.hypot(wi[:, 0], wi[:, 1]), wi[:, 2])
     phi = np.arctan2(wi[:, 1], wi[:, 0])
     x = wo[:, 0] * np.cos(phi) + wo[:, 1] * np.sin(phi)
     y = wo[:, 1] * np.cos(phi) - wo[:, 0] * np.sin(phi)
     c, s = np.cos(theta), np.sin(theta)
     u, w = x * c + wo[:, 2] * s, wo[:, 2] * c - x * s
-    return theta, np.arctan2(np.abs(y), u), np.arctan2(np.hypot(u, y), w)
+    azimuth = np.arctan2(y, u) % (2 * np.pi) if whole_turn else np.arctan2(np.abs(y), u)
+    return theta, azimuth, np.arctan2(np.hypot(u, y), w)
 
 
 def _text(values: Array, tis: list[Array], rotation, incidence, azimuth, radial, anisotropic: bool) -> str:
