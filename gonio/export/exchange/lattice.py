@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from gonio.brdf import Brdf
-from gonio.evaluate import directions, evaluate
+from gonio.evaluate import evaluate
 from gonio.export import ExportWarning
-from gonio.geometry import Array
+from gonio.geometry import Array, from_angles
 
+DRAWS = 4096  # of a reflectance
 NOTABLE = 0.01  # energy error worth a word
 AWAY = np.radians(np.array([5.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.0]))  # incidences between those of a lattice
 
@@ -41,9 +42,14 @@ def say_loss(lattice: Lattice, brdf: Brdf, what: str, theta_i: Array = AWAY) -> 
 
 
 def reflectances(brdf: Any, theta_i: Array) -> Array:
-    """(T, C): directional-hemispherical, at incidences in radians."""
-    found = [
-        (brdf.eval(wi, wo) * (weight * wo[:, 2])[:, None]).sum(0)
-        for wi, wo, weight, _ in directions(4000, theta_i=theta_i)
-    ]
+    """(T, C): directional-hemispherical, at incidences in radians; by draws of the BRDF's own density (Sobol)."""
+    from scipy.stats import qmc
+
+    u = qmc.Sobol(2, seed=7).random(DRAWS)
+    found = []
+    for theta in theta_i:
+        wi = np.broadcast_to(from_angles(theta, 0.0), (DRAWS, 3))
+        wo, pdf = brdf.sample(wi, u)
+        ok = (pdf > 0) & (wo[:, 2] > 0)
+        found.append((brdf.eval(wi[ok], wo[ok]) * (wo[ok, 2] / pdf[ok])[:, None]).sum(0) / DRAWS)
     return np.array(found)

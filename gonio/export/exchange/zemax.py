@@ -82,6 +82,10 @@ class _Turned:
     def eval(self, wi: Array, wo: Array) -> Array:
         return self._brdf.eval(wi @ self._turn, wo @ self._turn)
 
+    def sample(self, wi: Array, u: Array) -> tuple[Array, Array]:
+        wo, pdf = self._brdf.sample(wi @ self._turn, u)
+        return wo @ self._turn.T, pdf
+
 
 def _values(brdf: Brdf, rotation: Array, incidence: Array, azimuth: Array, radial: Array) -> Array:
     """(rotations, incidences, azimuths, radials, C)."""
