@@ -27,8 +27,8 @@ from gonio.geometry import Array
 KLEMS_SAMPLES = "100"  # of each pair of patches; Radiance's own 1000 take ten times as long
 KLEMS_THETA = np.array([0, 5, 15, 25, 35, 45, 55, 65, 75, 90.0])  # bounds of the full basis's rings, degrees
 KLEMS_PHIS = np.array([1, 8, 16, 20, 24, 24, 24, 16, 12])
-ANISOTROPIC_THETA_DEG = (0.0, 20.0, 40.0, 60.0, 80.0)  # incidences; a transport plan between neighbours takes seconds
-ANISOTROPIC_PHI_DEG = tuple(np.arange(0.0, 360.0, 45.0))
+ANISOTROPIC_THETA_DEG = (8.0, 30.0, 55.0, 78.0)  # incidences; a transport plan between neighbours takes seconds
+ANISOTROPIC_PHI_DEG = tuple(np.arange(20.0, 360.0, 60.0))
 LONGEST_S = 3600
 
 
