@@ -26,14 +26,17 @@ class Budget:
     """brdf knows `std` and `interval` of its own: the random part, and what was not looked at. band_errors(theta_i):
     the relative random error (C,) of a reflectance, None where nothing was drawn."""
 
-    def __init__(self, brdf: Any, common: Common, band_errors=None):
-        self.brdf, self.common, self._band_errors = brdf, common, band_errors
+    def __init__(self, brdf: Any, common: Common, band_errors=None, imported: bool = False):
+        self.brdf, self.common, self._band_errors, self._imported = brdf, common, band_errors, imported
 
     @property
     def left_out(self) -> list[str]:
         """What is not in it, and what would bring it in."""
         unknown = "what the model misses, and noise: `gonio reconstruct --model auto` makes a BRDF that knows"
-        return [*([] if hasattr(self.brdf, "std") else [unknown]), *self.common.left_out]
+        own = [] if hasattr(self.brdf, "std") else [unknown]
+        if self._imported:
+            return [*own, "all that the instrument contributes that measured it: its laboratory knows"]
+        return [*own, *self.common.left_out]
 
     def std(self, wi: Array, wo: Array) -> Array:
         """Standard uncertainty of f (N, C) in 1/sr, random and common parts together."""

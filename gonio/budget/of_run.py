@@ -44,7 +44,7 @@ def budget_of(folder: Path) -> Budget:
         k = int(np.clip(np.searchsorted(EDGES, theta_i, "right") - 1, 0, len(EDGES) - 2))
         return np.asarray(found.error[k] / np.maximum(found.value[k], 1e-12))
 
-    return Budget(brdf, common, band_errors)
+    return Budget(brdf, common, band_errors, imported=config.imported is not None)
 
 
 def write_budget(folder: Path, budget: Budget, theta_i_deg: tuple[float, ...] | None = None) -> dict:

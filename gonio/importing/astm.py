@@ -12,14 +12,14 @@ from pathlib import Path
 from gonio.importing import CannotImport, Readings
 from gonio.importing.delimited import Choices, TextTable, read_table
 from gonio.importing.roles import DIRECTIONS, Column, Mapping, guess
-from gonio.importing.text import read_text
+from gonio.importing.text import read_lines
 
 HEADER_LINES = 1000  # VARS comes before
 
 
 def read(path: Path, choices: Choices) -> Readings:
     """Raises CannotImport."""
-    lines = read_text(path).split("\n")
+    lines = read_lines(path)
     at = next((k for k, line in enumerate(lines[:HEADER_LINES]) if re.match(r"\s*VARS\b", line)), None)
     if at is None:
         raise CannotImport(f"{path}: no VARS line in the first {HEADER_LINES}; is it of another kind (--format)?")
@@ -29,7 +29,7 @@ def read(path: Path, choices: Choices) -> Readings:
         raise CannotImport(f"{path}:{at + 1}: no rows after VARS")
     separator = "," if "," in rows[0] else " "
     # the lines before are kept empty, so that a complaint names the right one
-    body = "\n".join([""] * at + [separator.join(names), *lines[at + 1 :]])
+    body = [*[""] * at, separator.join(names), *lines[at + 1 :]]
     table = TextTable(body, str(path))
     mapping = _values(guess(table.names if table.has_header else names))
     if not table.has_header or table.width != len(names):

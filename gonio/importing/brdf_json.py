@@ -19,7 +19,7 @@ from gonio.importing.text import MOST_CHANNELS, read_text
 
 ANGLES = ("theta_i", "phi_i", "theta_r", "phi_r")
 DEGREES = ("deg", "°", "degrees", "degree")
-MOST_DEPTH = 50
+MOST_BYTES = 40_000_000  # a number of four bytes becomes one of 32
 
 
 def read(path: Path) -> Readings:
@@ -44,7 +44,7 @@ def read(path: Path) -> Readings:
 
 
 def _data(path: Path) -> dict[str, Any]:
-    text = read_text(path)
+    text = read_text(path, MOST_BYTES)
     try:
         whole = json.loads(text)
     except (ValueError, RecursionError) as e:

@@ -10,14 +10,14 @@ from pathlib import Path
 from gonio.importing import CannotImport, Readings
 from gonio.importing.delimited import Choices, TextTable, read_table
 from gonio.importing.roles import SPHERICAL, Column, Mapping
-from gonio.importing.text import MOST_CHANNELS, channel_names, read_text
+from gonio.importing.text import MOST_CHANNELS, channel_names, read_lines
 
 STEPS_NM = {31: 10, 61: 5}
 
 
 def read(path: Path, choices: Choices) -> Readings:
     """Raises CannotImport."""
-    table = TextTable(read_text(path), str(path))
+    table = TextTable(read_lines(path), str(path))
     values = table.width - 4
     if not 1 <= values <= MOST_CHANNELS:
         raise CannotImport(

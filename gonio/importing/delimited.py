@@ -19,7 +19,7 @@ from gonio.geometry import Array
 from gonio.importing import CannotImport, Readings
 from gonio.importing import directions as d
 from gonio.importing.roles import HALF, SPHERICAL, VECTORS, Mapping, checked
-from gonio.importing.text import MOST_BYTES, MOST_CHANNELS, channel_names, read_bytes, read_text
+from gonio.importing.text import MOST_BYTES, MOST_CHANNELS, channel_names, read_bytes, read_lines
 
 CHUNK = 20_000  # rows turned into numbers at a time
 LOOKED_AT = 50  # rows from which separators are seen
@@ -38,9 +38,8 @@ class Choices:
 class TextTable:
     """Columns of a text file by name. names are of the header, "" where there is none."""
 
-    def __init__(self, text: str, source: str):
+    def __init__(self, lines: list[str], source: str):
         self.source = source
-        lines = text.split("\n")
         first = next((k for k, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in "#%;"), None)
         if first is None:
             raise CannotImport(f"{source}: no rows in it")
@@ -156,7 +155,7 @@ Table = TextTable | ParquetTable
 
 def open_table(path: Path) -> Table:
     """By suffix: .parquet, or text. Raises CannotImport, MissingExtra."""
-    return ParquetTable(path) if path.suffix.lower() in (".parquet", ".pq") else TextTable(read_text(path), str(path))
+    return ParquetTable(path) if path.suffix.lower() in (".parquet", ".pq") else TextTable(read_lines(path), str(path))
 
 
 def read_table(table: Table, mapping: Mapping, choices: Choices, format: str) -> Readings:

@@ -13,7 +13,7 @@ import numpy as np
 from gonio.geometry import Array
 from gonio.importing import CannotImport, Readings
 from gonio.importing.directions import spherical
-from gonio.importing.text import number, numbers, read_text
+from gonio.importing.text import number, numbers, read_lines
 from gonio.importing.zemax import MOST_VALUES, Header, content
 
 LIGHT_AT_DEG = 90.0
@@ -35,7 +35,7 @@ class _Block:
 def read(path: Path) -> Readings:
     """Raises CannotImport."""
     source = str(path)
-    lines = content(read_text(path))
+    lines = content(read_lines(path))
     head = Header.of(lines, source, ("ScatterAzimuth", "ScatterRadial"))
     if "ScatterAzimuth" not in head.angles or "ScatterRadial" not in head.angles:
         raise CannotImport(f"{path}: no ScatterAzimuth and ScatterRadial in it; is it of another kind (--format)?")

@@ -12,7 +12,7 @@ import numpy as np
 
 from gonio.importing import CannotImport, Readings
 from gonio.importing.directions import spherical
-from gonio.importing.text import channel_names, number, numbers, read_text
+from gonio.importing.text import MOST_BYTES, channel_names, number, numbers, read_lines
 
 SUFFIXES = (".txt", ".dat", ".out", ".asc")
 FORMATS = {"dsf": "f_cos", "bsdf": "f", "brdf": "f", "btdf": "f"}
@@ -29,6 +29,8 @@ def files_of(path: Path) -> list[Path]:
 
 def read(paths: list[Path]) -> Readings:
     """Raises CannotImport."""
+    if (size := sum(p.stat().st_size for p in paths if p.is_file())) > MOST_BYTES:
+        raise CannotImport(f"{paths[0]}: {size} bytes in {len(paths)} files, {MOST_BYTES} are the most; import fewer")
     parts = [_one(path) for path in paths]
     for key, what in ((2, "columns of values"), (3, "quantity"), (4, "colorimetry")):
         kinds = {p[1][key] for p in parts}
@@ -46,7 +48,7 @@ def read(paths: list[Path]) -> Readings:
 
 def _one(path: Path) -> tuple[np.ndarray, tuple[float, float, int, str | None, str]]:
     """(rows, 2 + C), and theta_i, phi_i, C, quantity, colorimetry of a file."""
-    lines = read_text(path).split("\n")
+    lines = read_lines(path)
     head: dict[str, tuple[int, list[str]]] = {}
     for k, line in enumerate(lines):
         if line.startswith("#") and (words := re.split(r"[\s:=]+", line[1:].strip())):

@@ -17,7 +17,7 @@ import numpy as np
 from gonio.geometry import Array
 from gonio.importing import CannotImport, Readings
 from gonio.importing.directions import spherical, turned
-from gonio.importing.text import MOST_CHANNELS, count, number, numbers, read_text
+from gonio.importing.text import MOST_CHANNELS, count, number, numbers, read_lines
 
 MOST = 100_000
 MOST_VALUES = 5_000_000
@@ -26,8 +26,8 @@ MOST_VALUES = 5_000_000
 class _Lines:
     """The file's lines, taken one after the other; a complaint names the one at hand."""
 
-    def __init__(self, text: str, source: str):
-        self._lines, self.source, self.at = text.split("\n"), source, 0
+    def __init__(self, lines: list[str], source: str):
+        self._lines, self.source, self.at = lines, source, 0
 
     def take(self, what: str) -> str:
         if self.at >= len(self._lines):
@@ -69,7 +69,7 @@ class _Table:
 
 def read(path: Path) -> Readings:
     """Raises CannotImport."""
-    lines = _Lines(read_text(path), str(path))
+    lines = _Lines(read_lines(path), str(path))
     title = lines.take("a title")
     if "Anisotropic BSDF" not in title:
         raise CannotImport(f"{lines.where}: not the title of an anisotropic BSDF; is it of another kind (--format)?")

@@ -10,6 +10,8 @@ from gonio.geometry import Array
 from gonio.importing import CannotImport
 
 MOST_BYTES = 60_000_000  # of a text file; one reading a line of 100 bytes is 600,000 readings
+MOST_LINES = 1_500_000
+LONGEST_LINE = 2_000_000  # characters
 MOST_CHANNELS = 512
 
 
@@ -27,9 +29,21 @@ def read_bytes(path: Path, most: int = MOST_BYTES) -> bytes:
         raise CannotImport(f"{path}: {e.strerror or e}; name a file of readings") from None
 
 
-def read_text(path: Path) -> str:
+def read_lines(path: Path) -> list[str]:
+    """The lines of a text, none of them out of measure. Raises CannotImport as `read_text`."""
+    text = read_text(path)
+    if (n := text.count("\n")) > MOST_LINES:
+        raise CannotImport(f"{path}: {n} lines, {MOST_LINES} are the most; split it")
+    lines = text.split("\n")
+    longest = max(range(len(lines)), key=lambda k: len(lines[k]))
+    if len(lines[longest]) > LONGEST_LINE:
+        raise CannotImport(f"{path}:{longest + 1}: a line of {len(lines[longest])} characters is no row of readings")
+    return lines
+
+
+def read_text(path: Path, most: int = MOST_BYTES) -> str:
     """UTF-8, or Latin-1 as older instruments write degree signs in; line ends become newlines."""
-    data = read_bytes(path)
+    data = read_bytes(path, most)
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise CannotImport(f"{path}: byte 0: UTF-16 text; save it as UTF-8")
     if (nul := data.find(b"\0")) >= 0:

@@ -15,7 +15,7 @@ import numpy as np
 from gonio.geometry import Array
 from gonio.importing import CannotImport, Readings
 from gonio.importing.directions import about_mirror, turned
-from gonio.importing.text import count, numbers, read_text
+from gonio.importing.text import count, numbers, read_lines
 
 MOST_ANGLES = 100_000
 MOST_VALUES = 5_000_000
@@ -25,7 +25,7 @@ BLOCKS = ("Monochrome", "TristimulusX", "TristimulusY", "TristimulusZ")
 
 def read(path: Path) -> Readings:
     """Raises CannotImport."""
-    lines = content(read_text(path))
+    lines = content(read_lines(path))
     head = Header.of(lines, str(path), ANGLES)
     if head.words.get("ScatterType", "BRDF").upper() != "BRDF":
         raise CannotImport(f"{path}: ScatterType {head.words['ScatterType'][:20]}; only reflection (BRDF) is read")
@@ -83,9 +83,9 @@ def _values(lines: list[tuple[int, str]], source: str, shape: tuple[int, ...]) -
     return out.reshape(shape)
 
 
-def content(text: str) -> list[tuple[int, str]]:
+def content(lines: list[str]) -> list[tuple[int, str]]:
     """(line number, line) of lines that say something."""
-    return [(k + 1, t) for k, line in enumerate(text.split("\n")) if (t := line.strip()) and not t.startswith("#")]
+    return [(k + 1, t) for k, line in enumerate(lines) if (t := line.strip()) and not t.startswith("#")]
 
 
 @dataclass(frozen=True)

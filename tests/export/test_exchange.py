@@ -14,6 +14,7 @@ from gonio.export.exchange.brdf_json import write_json
 from gonio.export.exchange.lattice import reflectances
 from gonio.export.exchange.nexus import write_nexus
 from gonio.export.exchange.zemax import write_zemax
+from gonio.export.mountain import write_mountain
 from gonio.geometry import to_angles
 from gonio.importing.delimited import Choices
 from gonio.importing.formats import read, sniff
@@ -73,6 +74,15 @@ def test_what_turns_with_the_sample_comes_back(write, name, tmp_path):
     some = some[(t.wo[some, 2] > 0.011)]
     np.testing.assert_allclose(t.f[some], TURNING.eval(t.wi[some], t.wo[some]), rtol=3e-3, atol=2e-4)
     assert len(np.unique(np.round(to_angles(t.wi)[1], 4))) > 10
+
+
+@pytest.mark.parametrize("brdf", [BRDF, TURNING], ids=["isotropic", "turning"])
+def test_our_mountain_files_come_back(brdf, tmp_path):
+    write_mountain(brdf, tmp_path / "m", theta_i_deg=(0, 30, 60))
+    t = imported(tmp_path / "m", symmetry="anisotropic")
+    np.testing.assert_allclose(t.f, brdf.eval(t.wi, t.wo), rtol=3e-3, atol=1e-4)
+    azimuths = np.unique(np.round(np.degrees(to_angles(t.wi)[1][t.wi[:, 2] < 0.99]) % 360, 3))
+    assert azimuths.tolist() == ([0.0] if brdf is BRDF else np.arange(15.0, 360, 30).tolist())
 
 
 def test_a_peak_too_narrow_is_said(tmp_path):

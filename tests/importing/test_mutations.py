@@ -121,3 +121,31 @@ def test_merl(tmp_path, monkeypatch):
     assert CASES / 5 < refused <= CASES
     path.write_bytes(good)
     assert not survived(path, "merl", whole=True)
+
+
+@pytest.mark.parametrize(
+    "text, says",
+    [
+        ("theta_i,theta_o,phi,f\n" + "1\n" * 1_600_000, "lines"),
+        ("1 " * 1_100_000, "characters"),
+        ("1 2 3 4 5\n" + "1" * 2_100_000, "characters"),
+    ],
+)
+def test_texts_out_of_measure_are_not_taken_apart(text, says, tmp_path):
+    path, before = tmp_path / "x.csv", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    path.write_text(text)
+    with pytest.raises(CannotImport, match=says):
+        mapping_of(path, [])
+    assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024 < 200
+
+
+def test_counts_that_lie_cost_nothing(tmp_path):
+    path, before = tmp_path / "x.bsdf", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for text in (
+        files.zemax().replace("ScatterRadial 6", "ScatterRadial 99999"),
+        files.zemax().replace("TIS 0.5\n", "", 1),
+    ):
+        path.write_text(text)
+        with pytest.raises(CannotImport):
+            read([path], "zemax", None, Choices())
+    assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024 < 100

@@ -68,7 +68,7 @@ def write_json(
         "sample": {"name": config.material.name, "properties_symmetry": config.material.symmetry},
         "environment": "NA",
     }
-    write_text(path, json.dumps({"metadata": metadata, "data": data}, indent=1))
+    write_text(path, json.dumps({"metadata": metadata, "data": data}))
     return Path(path)
 
 
