@@ -29,6 +29,7 @@ KLEMS_THETA = np.array([0, 5, 15, 25, 35, 45, 55, 65, 75, 90.0])  # bounds of th
 KLEMS_PHIS = np.array([1, 8, 16, 20, 24, 24, 24, 16, 12])
 ANISOTROPIC_THETA_DEG = (8.0, 30.0, 55.0, 78.0)  # incidences; a transport plan between neighbours takes seconds
 ANISOTROPIC_PHI_DEG = tuple(np.arange(20.0, 360.0, 60.0))
+ANISOTROPIC_DEPTH = "4"  # 16 x 16 directions a hemisphere; each more takes sixteen times as long
 LONGEST_S = 3600
 
 
@@ -54,7 +55,7 @@ def write_ttree(brdf: Brdf, path: str | os.PathLike) -> None:
         line = "the tensor tree holds luminance alone; Radiance reads colours right in `--format klems`"
         warnings.warn(line, ExportWarning, stacklevel=2)
         brdf = Luminance(brdf)
-    _write(brdf, Path(path), ["bsdf2ttree", "-p"])
+    _write(brdf, Path(path), ["bsdf2ttree", "-p", *(["-g", ANISOTROPIC_DEPTH] if turns(brdf) else [])])
 
 
 class Luminance:
