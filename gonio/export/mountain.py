@@ -68,6 +68,7 @@ def _write(folder: Path, file: str, name: str, theta_i: float, phi_i: float, wo:
     phi = np.degrees(np.arctan2(wo[:, 1], wo[:, 0])) % 360
     colours = "CIE-XYZ" if dsf.shape[1] == 3 else "CIE-Y"
     head = f'#sample_name "{name}"\n#colorimetry: {colours}\n#format: theta phi DSF\n'
+    head += "#upphi 90\n"  # Radiance's up is +y, as ours is; without the line it takes +x
     head += f"#intheta {theta_i:.6f}\n#inphi {phi_i:.6f}\n"
     if dsf.shape[1] == 3:
         dsf = dsf @ RGB_TO_XYZ.T

@@ -73,8 +73,12 @@ class Luminance:
 
 def _write(brdf: Brdf, path: Path, convert: list[str]) -> None:
     tools = Tools()
+    anisotropic = turns(brdf)
+    if anisotropic:
+        lights = len(ANISOTROPIC_THETA_DEG) * len(ANISOTROPIC_PHI_DEG)
+        line = f"anisotropic: Radiance interpolates between {lights} incidences, which is coarse"
+        warnings.warn(line, ExportWarning, stacklevel=3)
     with tempfile.TemporaryDirectory() as folder:
-        anisotropic = turns(brdf)
         angles = (ANISOTROPIC_THETA_DEG, ANISOTROPIC_PHI_DEG) if anisotropic else (THETA_I_DEG, (0.0,))
         files = write_mountain(brdf, Path(folder), angles[0], phi_i_deg=angles[1])
         interpolant = Path(folder) / "gonio.sir"
