@@ -120,7 +120,7 @@ def test_a_tensor_tree_renders_in_radiance_as_it_is(tools, tmp_path):
         write_ttree(grey, tmp_path / "x.xml")
     wi, wo = looks()
     seen, want = rtrace(tmp_path / "x.xml", wi, wo, tools), grey.eval(np.tile(wi, (len(wo), 1)), wo)
-    assert np.median(np.abs(seen / want - 1)) < 0.06 and np.abs(seen / want - 1).max() < 0.25
+    assert np.median(np.abs(seen / want - 1)) < 0.1 and np.abs(seen / want - 1).max() < 0.3
     found = tools.reflectance(tmp_path / "x.xml")
     from gonio.export.exchange.lattice import reflectances
 
