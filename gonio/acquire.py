@@ -27,6 +27,7 @@ class Progress:
     measured_before: int = 0
     budget: int | None = None
     energy_error: float | None = None
+    seen: Visited | None = None  # the measurements just made
 
     @property
     def acceptance(self) -> float:
@@ -107,6 +108,7 @@ def _count(progress: Progress, store: Store, sampler: Sampler, seen: Visited) ->
     steps = sampler.take_steps()
     store.add_steps(steps)
     _count_steps(progress, steps)
+    progress.seen = seen
     progress.measured += len(seen.ids)
     progress.rig_s += float(seen.rig_s.sum())
 

@@ -2,7 +2,7 @@
 
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import gonio
 from gonio.brdf import Brdf
@@ -14,27 +14,35 @@ from gonio.run.record.store import Store
 from gonio.run.truth import open_truth, own_truth
 
 if TYPE_CHECKING:
+    from gonio.brdf import Brdf
     from gonio.run.record.integrals import AlbedoOfRun
 
 
 def make_brdf(folder: Path, model: str | None = None, out: Path | None = None) -> str:
     """Reconstruct and save; lines that say what was made and where. Raises ReconstructionError, ConfigError."""
     from gonio.load import save_brdf
-    from gonio.reconstruct import MODELS, ReconstructionWarning, reconstruct
+    from gonio.reconstruct import ReconstructionWarning
 
-    config = read_config(folder).material
-    model = model or config.reconstruct.model
-    if model not in MODELS:
-        raise ConfigError(f"--model {model}: not one of {', '.join(MODELS)}")
-    with Store.open(folder, write=False) as store:
-        samples = load_samples(store)
+    model = model or read_config(folder).material.reconstruct.model
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ReconstructionWarning)
-        brdf = reconstruct(samples, model, anisotropic=config.symmetry == "anisotropic", seed=config.seed)
+        brdf, count = reconstruct_run(folder, model)
     path = out or Path(folder) / "brdf.npz"
     save_brdf(brdf, path)
     notes = [f"note   {w.message}" for w in caught if issubclass(w.category, ReconstructionWarning)]
-    return "\n".join([f"brdf   {path}  ({model}, from {len(samples)} measurements)", *notes])
+    return "\n".join([f"brdf   {path}  ({model}, from {count} measurements)", *notes])
+
+
+def reconstruct_run(folder: Path, model: str) -> "tuple[Brdf, int]":
+    """The BRDF of a run's samples, and how many they are; nothing is saved. Raises ReconstructionError, ConfigError."""
+    from gonio.reconstruct import MODELS, reconstruct
+
+    if model not in MODELS:
+        raise ConfigError(f"--model {model}: not one of {', '.join(MODELS)}")
+    config = read_config(folder).material
+    with Store.open(folder, write=False) as store:
+        samples = load_samples(store)
+    return reconstruct(samples, model, anisotropic=config.symmetry == "anisotropic", seed=config.seed), len(samples)
 
 
 def make_products(folder: Path) -> list[str]:
@@ -59,16 +67,8 @@ def evaluate_run(path: str, truth: str | None) -> dict[str, float]:
     """The referee's figures of a run or BRDF file against `truth`, a path or a name; None = the run's own."""
     from gonio.evaluate import evaluate
 
-    if truth is None:
-        if not (Path(path) / "config.yaml").is_file():
-            raise ConfigError(f"{path}: not a run folder; say what to compare it with by --truth")
-        own = own_truth(path)
-        if own is None:
-            raise ConfigError(
-                f"{path}: measured on a real rig, its truth is not known; say what to compare it with by --truth"
-            )
-        truth = str(own.path)
-    brdf, reference = gonio.load_brdf(path), open_truth(truth)
+    reference = truth_of(path) if truth is None else open_truth(truth)
+    brdf = gonio.load_brdf(path)
     if brdf.channels != reference.channels:
         raise ConfigError(f"--truth {truth}: has {reference.channels} channels, {path} has {brdf.channels}")
     return evaluate(brdf, reference) | _in_the_picture(path, brdf, reference)
@@ -85,6 +85,16 @@ def _in_the_picture(path: str, brdf: Brdf, truth: Brdf) -> dict[str, float]:
     seen = picture.load(scene)
     f = truth.eval(seen.wi, seen.wo)
     return {"scene_error": seen.error(abs(brdf.eval(seen.wi, seen.wo) - f), f)}
+
+
+def truth_of(path: str | Path) -> "Brdf":
+    """What the rig showed when a run was made. Raises ConfigError where that is not known."""
+    if not (Path(path) / "config.yaml").is_file():
+        raise ConfigError(f"{path}: not a run folder; say what to compare it with by --truth")
+    own = own_truth(path)
+    if own is None:
+        raise ConfigError(f"{path}: what it measured is in no file; say what to compare it with by --truth")
+    return open_truth(str(own.path))
 
 
 def albedo_of_run(path: str) -> "AlbedoOfRun":
@@ -203,7 +213,7 @@ def render_band(folder: Path, size: int, spp: int) -> list[str]:
     model without intervals."""
     from gonio.render.band import render_band
 
-    brdf = gonio.load_brdf(folder)
+    brdf: Any = gonio.load_brdf(folder)
     if not hasattr(brdf, "interval"):
         raise ConfigError(f"{folder}: its BRDF has no intervals; `gonio reconstruct --model auto` makes one that has")
     return render_band(brdf, Path(folder), size, spp)

@@ -102,12 +102,16 @@ class Run:
         self.store.close()
 
 
-def start(material: Material, rig: RigConfig, out: str | os.PathLike[str] | None = None) -> Run:
+def start(
+    material: Material, rig: RigConfig, out: str | os.PathLike[str] | None = None, truth: Brdf | None = None
+) -> Run:
     """A new run folder, nothing measured yet. out = None: runs/<material>/<UTC stamp>-<short id>.
+
+    truth: what a simulated rig shows where the material names nothing; not kept in the run.
 
     Raises what `prepare` does, before there is a folder; StoreError where it cannot be made.
     """
-    ready = prepare(material, rig, None if out is None else Path(out))
+    ready = prepare(material, rig, None if out is None else Path(out), truth)
     config = RunConfig(material=material, rig=rig)
     store = Store.create(ready.folder, dump(config), provenance(material, rig, ready.origin), **_care(rig))
     shown = ready.origin or "what lies on the rig"
@@ -115,10 +119,16 @@ def start(material: Material, rig: RigConfig, out: str | os.PathLike[str] | None
     return Run(config, store, ready.truth)
 
 
-def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = (), *, allow_stale: bool = False) -> Run:
+def resume(
+    folder: str | os.PathLike[str],
+    overrides: tuple[str, ...] = (),
+    *,
+    allow_stale: bool = False,
+    truth: Brdf | None = None,
+) -> Run:
     """An interrupted run, ready to go on; overrides may change its budget and stop rules.
 
-    allow_stale: with calibrations that have expired since; the run says so from now on.
+    allow_stale: with calibrations that have expired since; the run says so from now on. truth: as in `start`.
     """
     stale = ("rig.calibration.allow_stale=true",) * allow_stale
     config = read_config(folder, (*(f"material.{o}" for o in overrides), *stale))
@@ -130,14 +140,16 @@ def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = (), *, a
             )
     own_truth(folder)
     refuse_another_scene(folder)
-    truth, origin = find_truth(config.material, config.rig)
+    if truth is None and config.material.truth is None and config.rig.depth != "real":
+        raise ConfigError(f"{folder}: shows a function that it does not keep; `gonio.resume(RUN, truth=f)` goes on")
+    shown, origin = find_truth(config.material, config.rig, truth)
     store = Store.open(folder, write=True, **_care(config.rig))
     if overrides or stale:
         write_config(folder, config)
     if stale:
         store.event("stale", "calibrations allowed to be")
     store.event("resumed", f"gonio {gonio.__version__}, truth {origin or 'what lies on the rig'}")
-    return Run(config, store, truth)
+    return Run(config, store, shown)
 
 
 def budgets(store: Store, material: Material) -> tuple[int, ...]:
