@@ -9,14 +9,14 @@ from typing import Annotated
 
 import typer
 
-from gonio.commands import acquisition, budget, materials, owner, products, rig, scene, studies
+from gonio.commands import acquisition, budget, init, materials, owner, products, rig, scene, studies
 from gonio.commands.calibrate import app as calibrate
 
 app = typer.Typer(
     name="gonio",
     help="A Markov chain decides where to look, a rig looks there, and what it saw becomes a BRDF for any renderer.",
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -25,6 +25,7 @@ for group in (acquisition, products, budget, rig, owner, scene, studies):
     group.register(app)
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(materials.app, name="materials")
+app.add_typer(init.app, name="init")
 
 
 def _version(wanted: bool) -> None:

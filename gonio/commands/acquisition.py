@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from gonio.commands import as_json
+
 Config = Annotated[str, typer.Argument(help="a material's YAML, or the name of one that ships")]
 RigOption = Annotated[str, typer.Option("--rig", help="a rig's YAML, or the name of one that ships")]
 SetOption = Annotated[
@@ -79,6 +81,7 @@ def check(
     seed: Annotated[int | None, typer.Option()] = None,
     set_: SetOption = [],  # noqa: B006
     out: Annotated[Path | None, typer.Option(help="the run folder that is to be made")] = None,
+    json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
     daemon: DaemonOption = None,
 ) -> None:
     """Read a config and all it names, and print what it would do: reachable share, estimated rig time. No hardware.
@@ -88,17 +91,18 @@ def check(
     from gonio.commands import through
     from gonio.daemon.client import Refused
     from gonio.daemon.sockets import hold_hardware
-    from gonio.run.check import plan_text
+    from gonio.run.check import plan_of
 
     material, rig_config = _configs(config, rig, set_, seed)
     if (client := through.daemon_of(rig_config.name, daemon)) is not None:
         through.refuse_rig_keys(set_)
-        plan, busy = through.check(client, material, out)
-        typer.echo(plan)
-        if busy:
-            raise Refused(busy, 2)
+        found = through.check(client, material, out)
+        as_json.say(found["figures"]) if json else typer.echo(found["plan"])
+        if found["busy"]:
+            raise Refused(found["busy"], 2)
         return
-    typer.echo(plan_text(material, rig_config, out))
+    plan = plan_of(material, rig_config, out)
+    as_json.say(plan.figures) if json else typer.echo(plan.text)
     with hold_hardware(rig_config):
         pass
 

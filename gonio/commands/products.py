@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from gonio.commands import as_json
+
 RunFolder = Annotated[Path, typer.Argument(help="a run folder")]
 
 
@@ -35,9 +37,7 @@ def evaluate(
     figures = evaluate_run(run, truth)
     albedo = albedo_of_run(run)
     if json:
-        import json as js
-
-        typer.echo(js.dumps(figures | albedo.to_json()))
+        as_json.say(figures | albedo.to_json())
         return
     typer.echo("  ".join(f"{k} {v:.4f}" for k, v in figures.items()))
     for name, values in albedo.rows().items():

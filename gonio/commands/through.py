@@ -24,10 +24,9 @@ def refuse_rig_keys(overrides: list[str]) -> None:
         raise ConfigError(f"--set {theirs[0]}: the daemon has its own rig config; end it first, or use --no-daemon")
 
 
-def check(client, material: Material, out: Path | None) -> tuple[str, str]:
-    """What the daemon would do with the material; and what it does now, "" where a run could begin."""
-    found = client.post("/check", _body(client, material, out))
-    return found["plan"], found["busy"]
+def check(client, material: Material, out: Path | None) -> dict[str, Any]:
+    """`plan`, what the daemon would do with the material, its `figures`; `busy`, what it does now, "" for nothing."""
+    return client.post("/check", _body(client, material, out))
 
 
 def acquire(client, material: Material, out: Path | None) -> Path:

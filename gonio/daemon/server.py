@@ -22,7 +22,7 @@ from gonio.config import ConfigError, Material
 from gonio.daemon import jobs, manual
 from gonio.daemon.control import Busy, Control
 from gonio.daemon.request_paths import RUN, run_folder, truth_name, weights_file
-from gonio.run.check import plan_text
+from gonio.run.check import plan_of
 from gonio.run.prepare import new_name
 
 PAGE = {"app.js": "text/javascript", "hemisphere.js": "text/javascript", "style.css": "text/css"}
@@ -76,6 +76,7 @@ class Refused(BaseModel):
 
 class Plan(BaseModel):
     plan: str
+    figures: dict[str, Any] = Field(description="the same as numbers: what `gonio check --json` prints")
     busy: str = Field(description="with what, in words; empty where a run could begin now")
 
 
@@ -119,7 +120,8 @@ def make_app(control: Control, runs: Path) -> FastAPI:
 
         def plan():
             material, folder = _named(runs, body)
-            return {"plan": plan_text(material, control.config, folder), "busy": control.busy()}
+            found = plan_of(material, control.config, folder)
+            return {"plan": found.text, "figures": found.figures, "busy": control.busy()}
 
         return answer(plan)
 

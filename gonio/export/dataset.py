@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gonio.config.material import Material
+from gonio.export.about import about
 from gonio.export.extra import needs
 from gonio.geometry import to_angles
 from gonio.run.record.store import Store
@@ -38,7 +39,8 @@ def dataset(store: Store, material: Material) -> "xarray.Dataset":
         "wall_s": ("sample", m.wall_s, {**seconds, "long_name": "since the run began"}),
     }
     p = store.get("provenance", {})
-    about = {"material": material.name, "symmetry": material.symmetry, "run": str(store.folder)}
-    about |= {k: p[k] for k in ("gonio", "rig", "depth", "seed", "truth", "started") if k in p}
+    known = {k: str(v) if isinstance(v, bool) else v for k, v in about(material).items()}
+    known |= {"symmetry": material.symmetry, "run": str(store.folder)}
+    known |= {k: p[k] for k in ("gonio", "rig", "depth", "seed", "truth", "started") if k in p}
     coordinates = {"sample": m.id, "channel": list(material.channels), "axis": ["x", "y", "z"]}
-    return xarray.Dataset(variables, coordinates, about)
+    return xarray.Dataset(variables, coordinates, known)

@@ -12,6 +12,7 @@ import numpy as np
 from gonio.atomic import replacing
 from gonio.brdf import Brdf
 from gonio.export import ExportError, checked
+from gonio.export.about import About, lines
 from gonio.export.profile import half_profile, half_width
 from gonio.geometry import Array, from_angles, from_height, reflect
 
@@ -21,8 +22,12 @@ RGB_TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.01
 GOLDEN = np.pi * (3 - np.sqrt(5))
 
 
-def write_mountain(brdf: Brdf, folder: str | os.PathLike, theta_i_deg=THETA_I_DEG, name: str = "gonio") -> list[Path]:
+def write_mountain(
+    brdf: Brdf, folder: str | os.PathLike, theta_i_deg=THETA_I_DEG, name: str = "gonio", about: About | None = None
+) -> list[Path]:
     """Write one text file per incidence into `folder` (made if need be) and give their paths.
+
+    about: what is known of the sample, in comments of each header.
 
     Raises ExportError for unsorted incidences, or a BRDF with NaN, negative values or other than 1 or 3 channels.
     """
@@ -38,7 +43,8 @@ def write_mountain(brdf: Brdf, folder: str | os.PathLike, theta_i_deg=THETA_I_DE
         wo = _directions(wi, width)
         tables.append((wo, checked(brdf, np.broadcast_to(wi, wo.shape), wo) * wo[:, 2:]))
     Path(folder).mkdir(parents=True, exist_ok=True)
-    return [_write(Path(folder), name, angle, *table) for angle, table in zip(angles, tables)]
+    said = "".join(f"#about {line}\n" for line in lines(about or {}))
+    return [_write(Path(folder), name, said, angle, *table) for angle, table in zip(angles, tables)]
 
 
 def _directions(wi: Array, width: float) -> Array:
@@ -53,11 +59,11 @@ def _directions(wi: Array, width: float) -> Array:
     return both[both[:, 2] > 1e-4]
 
 
-def _write(folder: Path, name: str, theta_i: float, wo: Array, dsf: Array) -> Path:
+def _write(folder: Path, name: str, said: str, theta_i: float, wo: Array, dsf: Array) -> Path:
     theta = np.degrees(np.arctan2(np.hypot(wo[:, 0], wo[:, 1]), wo[:, 2]))
     phi = np.degrees(np.arctan2(wo[:, 1], wo[:, 0])) % 360
     colours = "CIE-XYZ" if dsf.shape[1] == 3 else "CIE-Y"
-    head = f'#sample_name "{name}"\n#colorimetry: {colours}\n#format: theta phi DSF\n'
+    head = f'#sample_name "{name}"\n{said}#colorimetry: {colours}\n#format: theta phi DSF\n'
     head += f"#intheta {theta_i:.6f}\n#inphi 0.000000\n"
     if dsf.shape[1] == 3:
         dsf = dsf @ RGB_TO_XYZ.T

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from gonio.atomic import write_text
 from gonio.brdf import Brdf
 from gonio.config.material import Material
+from gonio.export.about import about
 from gonio.export.netcdf import chain_arrays
 from gonio.mcmc import diagnostics
 from gonio.mcmc.proposals import DRAWN, FILL, KINDS
@@ -109,6 +110,7 @@ def _facts(store: Store, material: Material, m, steps, brdf: Brdf) -> str:
         "truth": p.get("truth") or "what lies on the rig",
         "made by": f"gonio {p.get('gonio')} {p.get('git')}, seed {p.get('seed')}",
     }
+    rows |= {k: str(v) for k, v in about(material).items() if k != "name"}
     if p.get("stale"):
         rows["stale calibrations"] = "; ".join(p["stale"].values())
     estimate = getattr(brdf, "energy_error_estimate", None)

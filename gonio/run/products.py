@@ -120,15 +120,27 @@ def export_run(folder: Path, format: str, out: Path | None = None) -> Path:
     """Write the run's BRDF (bsdf, merl, grid, mountain) or samples (csv, parquet, netcdf); the path written."""
     if format in SAMPLE_FORMATS:
         module, function, name = SAMPLE_FORMATS[format]
+        write = _function(module, function)
         with Store.open(folder, write=False) as store:
             brdf = gonio.load_brdf(folder) if (Path(folder) / "brdf.npz").exists() else None
-            return _function(module, function)(store, out or Path(folder) / name, brdf, _shared(folder, brdf))
+            path, shared = out or Path(folder) / name, _shared(folder, brdf)
+            return write(store, path, brdf, shared, **_about(write, folder))
     if format in BRDF_FORMATS:
         module, function, name = BRDF_FORMATS[format]
+        write = _function(module, function)
         path = out or Path(folder) / name
-        _function(module, function)(gonio.load_brdf(folder), path)
+        write(gonio.load_brdf(folder), path, **_about(write, folder))
         return path
     raise ConfigError(f"--format {format}: not one of {', '.join([*BRDF_FORMATS, *SAMPLE_FORMATS])}")
+
+
+def _about(write, folder: Path) -> dict[str, Any]:
+    """What people said of the sample, for a writer that has a place for it."""
+    from inspect import signature
+
+    from gonio.export.about import about
+
+    return {"about": about(read_config(folder).material)} if "about" in signature(write).parameters else {}
 
 
 def _shared(folder: Path, brdf):

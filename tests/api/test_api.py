@@ -167,7 +167,7 @@ def test_dataset(run, tmp_path):
     data = run.to_xarray()
     assert dict(data.sizes) == {"sample": 200, "channel": 1, "axis": 3} and data.f.attrs["units"] == "sr-1"
     assert np.allclose(np.cos(np.radians(data.theta_o_deg)), data.wo.sel(axis="z"))
-    assert np.array_equal(data.f.values, run.samples.f) and data.attrs["material"] == "mine"
+    assert np.array_equal(data.f.values, run.samples.f) and data.attrs["name"] == "mine"
     if pytest.importorskip("h5netcdf", reason="in the study extra"):
         data.to_netcdf(tmp_path / "x.nc", engine="h5netcdf")
         assert xarray.load_dataset(tmp_path / "x.nc", engine="h5netcdf").equals(data)
