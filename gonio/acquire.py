@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gonio.config.material import Material
-from gonio.mcmc import Batch, Sampler
+from gonio.mcmc import Batch
+from gonio.mcmc.ask_tell import AskTell
 from gonio.rig.devices import Rig, Visited
 from gonio.rig.errors import DeviceFault
 from gonio.run.record.replay import replay
@@ -48,7 +49,7 @@ class Interrupted(Exception):
 
 
 def acquire(
-    sampler: Sampler,
+    sampler: AskTell,
     rig: Rig,
     store: Store,
     material: Material,
@@ -104,7 +105,7 @@ def _store(store: Store, rig: Rig, seen: Visited, asked) -> None:
     store.add(seen.ids, asked, directions, seen.f, seen.sigma, seen.saturated, seen.raw, seen.rig_s)
 
 
-def _count(progress: Progress, store: Store, sampler: Sampler, seen: Visited) -> None:
+def _count(progress: Progress, store: Store, sampler: AskTell, seen: Visited) -> None:
     steps = sampler.take_steps()
     store.add_steps(steps)
     _count_steps(progress, steps)

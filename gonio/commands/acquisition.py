@@ -43,15 +43,15 @@ def acquire(
     from gonio.run.start import start
 
     set_ = [*set_, *["rig.calibration.allow_stale=true"] * allow_stale]
-    material, rig_config = _configs(config, rig, set_, seed)
+    material, rig_config = configs(config, rig, set_, seed)
     if (client := through.daemon_of(rig_config.name, daemon)) is not None:
         through.refuse_rig_keys(set_)
-        _products(through.acquire(client, material, out), post)
+        products_of(through.acquire(client, material, out), post)
         return
     with hold_hardware(rig_config):
         run = start(material, rig_config, out)
         typer.echo(f"run   {run.store.folder}")
-        _drive(run, post)
+        drive(run, post)
 
 
 def resume(
@@ -69,10 +69,10 @@ def resume(
 
     rig_config = read_config(run).rig
     if (client := through.daemon_of(rig_config.name, daemon)) is not None:
-        _products(through.resume(client, run, set_), post)
+        products_of(through.resume(client, run, set_), post)
         return
     with hold_hardware(rig_config):
-        _drive(reopen(run, tuple(set_), allow_stale=allow_stale), post)
+        drive(reopen(run, tuple(set_), allow_stale=allow_stale), post)
 
 
 def check(
@@ -93,7 +93,7 @@ def check(
     from gonio.daemon.sockets import hold_hardware
     from gonio.run.check import plan_of
 
-    material, rig_config = _configs(config, rig, set_, seed)
+    material, rig_config = configs(config, rig, set_, seed)
     if (client := through.daemon_of(rig_config.name, daemon)) is not None:
         through.refuse_rig_keys(set_)
         found = through.check(client, material, out)
@@ -107,7 +107,7 @@ def check(
         pass
 
 
-def _configs(config: str, rig: str, overrides: list[str], seed: int | None):
+def configs(config: str, rig: str, overrides: list[str], seed: int | None):
     from gonio.config import Material, load_config
     from gonio.config.find import find_config
     from gonio.config.rig import RigConfig
@@ -120,7 +120,7 @@ def _configs(config: str, rig: str, overrides: list[str], seed: int | None):
     return material, load_config(find_config(rig, "rigs"), RigConfig, theirs)
 
 
-def _drive(run, post: bool) -> None:
+def drive(run, post: bool) -> None:
     from gonio.commands.interrupt import Interrupt
     from gonio.commands.progress import ProgressLine
 
@@ -140,10 +140,10 @@ def _drive(run, post: bool) -> None:
     finally:
         run.close()
     typer.echo(f"ended {reason}")
-    _products(run.store.folder, post)
+    products_of(run.store.folder, post)
 
 
-def _products(folder: Path, post: bool) -> None:
+def products_of(folder: Path, post: bool) -> None:
     if post:
         from gonio.run.products import make_products
 

@@ -47,7 +47,7 @@ def evaluate(
 def export(
     run: RunFolder,
     format: Annotated[
-        str, typer.Option("--format", help="bsdf, merl, grid, csv, parquet, netcdf or mountain")
+        str, typer.Option("--format", help="bsdf, merl, grid, csv, parquet, netcdf, events or mountain")
     ] = "bsdf",
     out: Annotated[Path | None, typer.Option(help="the file (or folder) to write [default: in the run]")] = None,
 ) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import typer
 
 from gonio.config import ConfigError, Material
+from gonio.config.scan import Scan
 
 
 def daemon_of(rig: str, wanted: bool | None):
@@ -29,9 +30,12 @@ def check(client, material: Material, out: Path | None) -> dict[str, Any]:
     return client.post("/check", _body(client, material, out))
 
 
-def acquire(client, material: Material, out: Path | None) -> Path:
+def acquire(client, material: Material, out: Path | None, scan: Scan | None = None) -> Path:
     """The finished run's folder."""
-    return _watch(client, client.post("/jobs/acquire", _body(client, material, out))["job"])
+    body = _body(client, material, out)
+    if scan is not None:
+        body["scan"] = scan.model_dump(mode="json")
+    return _watch(client, client.post("/jobs/acquire", body)["job"])
 
 
 def _body(client, material: Material, out: Path | None) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from gonio.acquire import Progress
 from gonio.config import Material
+from gonio.config.scan import Scan
 from gonio.daemon.control import Control, Work
 from gonio.daemon.estimates import Estimator
 from gonio.daemon.rig_owner import RigOwner
@@ -17,9 +18,11 @@ from gonio.run.start import Run, resume, start
 SHOWN_S = 0.05  # between two looks at the progress
 
 
-def acquire(control: Control, material: Material, folder: Path | None) -> tuple[Work, dict[str, Any]]:
-    """A new run. Raises ConfigError, StoreError, BrdfFileError."""
-    return _drive(control, start(material, control.config, folder))
+def acquire(
+    control: Control, material: Material, folder: Path | None, scan: Scan | None = None
+) -> tuple[Work, dict[str, Any]]:
+    """A new run, of a list of directions where there is one. Raises ConfigError, StoreError, BrdfFileError."""
+    return _drive(control, start(material, control.config, folder, scan=scan))
 
 
 def go_on_with(control: Control, folder: Path, overrides: tuple[str, ...] = ()) -> tuple[Work, dict[str, Any]]:

@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 import gonio
 from gonio.config import ConfigError, Material
+from gonio.config.scan import Scan
 from gonio.daemon import jobs, manual
 from gonio.daemon.control import Busy, Control
 from gonio.daemon.request_paths import RUN, run_folder, truth_name, weights_file
@@ -45,6 +46,10 @@ class Body(BaseModel):
 class AcquireBody(Body):
     material: Material
     run: str | None = Field(None, pattern=RUN, description="below the runs folder; none = <material>/<stamp>")
+
+
+class RunBody(AcquireBody):
+    scan: Scan | None = Field(None, description="directions to measure in place of the chain's")
 
 
 class ResumeBody(Body):
@@ -110,9 +115,11 @@ def make_app(control: Control, runs: Path) -> FastAPI:
         return {**board.state(), "runs": str(runs.resolve()), "gonio": gonio.__version__}
 
     @app.post("/jobs/acquire", status_code=202, response_model=Accepted, responses=refusals)
-    def acquire(body: AcquireBody) -> Any:
-        """Measure a material. The client has resolved its config."""
-        return submit("acquire", lambda: jobs.acquire(control, *_named(runs, body)))
+    def acquire(body: RunBody) -> Any:
+        """Measure a material, by a chain or a list. The client has resolved its config."""
+        return submit(
+            "acquire" if body.scan is None else "scan", lambda: jobs.acquire(control, *_named(runs, body), body.scan)
+        )
 
     @app.post("/check", response_model=Plan, responses=refusals)
     def check(body: AcquireBody) -> Any:

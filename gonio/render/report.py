@@ -144,6 +144,8 @@ def _holes(truth: Brdf) -> dict[str, str]:
 
 def _chains(store: Store, steps) -> str:
     of_chains = steps["step"] >= 0
+    if not of_chains.any():
+        return ""  # all that was measured was listed by hand
     accepted, measured = steps["accepted"][of_chains], steps["id"][of_chains] >= 0
     parts = [_section("Acceptance over time", figures.acceptance(steps["step"][of_chains], accepted, measured))]
     arrays = chain_arrays(store)

@@ -11,6 +11,7 @@ from gonio.config import ConfigError
 from gonio.run.record.config import read_config
 from gonio.run.record.samples import load_samples
 from gonio.run.record.store import Store
+from gonio.run.scan import make_scan_products, scan_of
 from gonio.run.truth import open_truth, own_truth
 
 if TYPE_CHECKING:
@@ -46,7 +47,11 @@ def reconstruct_run(folder: Path, model: str) -> "tuple[Brdf, int]":
 
 
 def make_products(folder: Path) -> list[str]:
-    """Everything a user expects after an acquisition: the BRDF, its .bsdf, the report; how good it is stands first."""
+    """Everything a user expects after an acquisition: the BRDF, its .bsdf, the report; how good it is stands first. Of
+    a scan, its table and its plot: most make no BRDF."""
+    with Store.open(folder, write=False) as store:
+        if scan_of(store) is not None:
+            return make_scan_products(folder)
     made = [make_brdf(folder), f"bsdf   {export_run(folder, 'bsdf')}", f"report {make_report(folder)}"]
     return [judge(folder), *made]
 
@@ -117,7 +122,7 @@ def make_budget(folder: Path, theta_i_deg: tuple[float, ...] | None = None) -> d
 
 
 def export_run(folder: Path, format: str, out: Path | None = None) -> Path:
-    """Write the run's BRDF (bsdf, merl, grid, mountain) or samples (csv, parquet, netcdf); the path written."""
+    """Write the run's BRDF (bsdf, merl, grid, mountain) or samples (csv, parquet, netcdf, events); the path written."""
     if format in SAMPLE_FORMATS:
         module, function, name = SAMPLE_FORMATS[format]
         write = _function(module, function)
@@ -246,6 +251,7 @@ def render_run(folder: Path, truth: str | None, size: int, spp: int) -> list[str
 SAMPLE_FORMATS = {
     "csv": ("gonio.export.samples", "write_csv", "samples.csv"),
     "parquet": ("gonio.export.samples", "write_parquet", "samples.parquet"),
+    "events": ("gonio.export.events", "write_events", "events.jsonl"),
     "netcdf": ("gonio.export.netcdf", "write_netcdf", "chains.nc"),
 }
 BRDF_FORMATS = {

@@ -18,8 +18,9 @@ does not depend on where the chain is offers, instead of `propose` and `place`,
 
 Its coordinates are the directions themselves and its `log_jacobian` is -log q: the same formula then is the ratio of
 importance weights. `kind` (N,) says for the log what each move was;
-drawn and fill are measurements that are no step (gonio.mcmc.plans.unknown): with a density, without one.
+drawn and fill are measurements that are no step (gonio.mcmc.plans.unknown): with a density, without one;
+listed ones were given by hand (gonio.mcmc.listed).
 """
 
-LOCAL, GLOBAL, INDEPENDENCE, PILOT, DRAWN, FILL = range(6)
-KINDS = ("local", "global", "independence", "pilot", "drawn", "fill")
+LOCAL, GLOBAL, INDEPENDENCE, PILOT, DRAWN, FILL, LISTED = range(7)
+KINDS = ("local", "global", "independence", "pilot", "drawn", "fill", "listed")
