@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from gonio.commands import acquisition, budget, init, materials, owner, products, rig, scan, scene, studies
+from gonio.commands import acquisition, budget, init, materials, owner, products, queue, rig, scan, scene, studies
 from gonio.commands.calibrate import app as calibrate
 
 app = typer.Typer(
@@ -26,6 +26,7 @@ for group in (acquisition, scan, products, budget, rig, owner, scene, studies):
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(materials.app, name="materials")
 app.add_typer(init.app, name="init")
+app.add_typer(queue.app, name="queue")
 
 
 def _version(wanted: bool) -> None:

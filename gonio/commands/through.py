@@ -40,13 +40,19 @@ def acquire(client, material: Material, out: Path | None, scan: Scan | None = No
 
 def _body(client, material: Material, out: Path | None) -> dict[str, Any]:
     runs = Path(client.state()["runs"])
-    body: dict[str, Any] = {"material": material.model_dump(mode="json")}
-    if (flow := body["material"]["sampler"]["flow"])["weights"] is not None:
-        flow["weights"] = str(Path(flow["weights"]).resolve())  # the daemon stands in another folder
+    body: dict[str, Any] = {"material": material_body(material)}
     if out is not None:
         from gonio.daemon.request_paths import relative
 
         body["run"] = relative(runs, out)
+    return body
+
+
+def material_body(material: Material) -> dict[str, Any]:
+    """As a request holds it."""
+    body = material.model_dump(mode="json")
+    if (flow := body["sampler"]["flow"])["weights"] is not None:
+        flow["weights"] = str(Path(flow["weights"]).resolve())  # the daemon stands in another folder
     return body
 
 

@@ -116,6 +116,21 @@ class Control:
 
     # ---- called by jobs, in the control thread ---------------------------------------------------------------------
 
+    def ask(self, what: str) -> None:
+        """Holds here, light off and arms at rest, until `go_on`: the operator puts `what` in. Raises Interrupted for a
+        stop."""
+        if (rig := self.owner.rig) is not None and hasattr(rig, "park"):
+            rig.park()
+        self._go_on.clear()
+        if not self.stopped:
+            self.board.job(asks=what)
+            self.board.write(state="paused")
+            self._go_on.wait()
+        self.board.job(asks="")
+        if self.stopped:
+            raise Interrupted
+        self.board.write(state="running")
+
     def safe_point(self) -> None:
         """Holds here while paused."""
         if not self._go_on.is_set():

@@ -22,12 +22,12 @@ def acquire(
     control: Control, material: Material, folder: Path | None, scan: Scan | None = None
 ) -> tuple[Work, dict[str, Any]]:
     """A new run, of a list of directions where there is one. Raises ConfigError, StoreError, BrdfFileError."""
-    return _drive(control, start(material, control.config, folder, scan=scan))
+    return driven(control, start(material, control.config, folder, scan=scan))
 
 
 def go_on_with(control: Control, folder: Path, overrides: tuple[str, ...] = ()) -> tuple[Work, dict[str, Any]]:
     """An interrupted run. Raises ConfigError, StoreError."""
-    return _drive(control, resume(folder, overrides))
+    return driven(control, resume(folder, overrides))
 
 
 def by_hand(act: Callable[..., dict[str, Any]], *args: Any) -> tuple[Work, dict[str, Any]]:
@@ -35,7 +35,8 @@ def by_hand(act: Callable[..., dict[str, Any]], *args: Any) -> tuple[Work, dict[
     return (lambda owner: act(owner, *args)), {}
 
 
-def _drive(control: Control, run: Run) -> tuple[Work, dict[str, Any]]:
+def driven(control: Control, run: Run) -> tuple[Work, dict[str, Any]]:
+    """The job of a run, and what is to be said of it."""
     material = run.config.material
     folder = run.store.folder.resolve()
     board = control.board

@@ -22,6 +22,8 @@ from gonio.config import ConfigError, Material
 from gonio.config.scan import Scan
 from gonio.daemon import jobs, manual
 from gonio.daemon.control import Busy, Control
+from gonio.daemon.queue.requests import add_requests
+from gonio.daemon.queue.worker import Queue
 from gonio.daemon.request_paths import RUN, run_folder, truth_name, weights_file
 from gonio.run.check import plan_of
 from gonio.run.prepare import new_name
@@ -89,8 +91,8 @@ class Said(BaseModel):
     done: bool
 
 
-def make_app(control: Control, runs: Path) -> FastAPI:
-    """The app of one rig; run folders are made below `runs`."""
+def make_app(control: Control, runs: Path, queue: Queue | None = None) -> FastAPI:
+    """The app of one rig; run folders are made below `runs`. queue: worked off if it was started."""
     refusals: dict[int | str, dict[str, Any]] = {k: {"model": Refused} for k in (409, 422, 503)}
     app = FastAPI(title="gonio", version=gonio.__version__, docs_url=None, redoc_url=None)
     app.add_exception_handler(RequestValidationError, _invalid)
@@ -178,6 +180,8 @@ def make_app(control: Control, runs: Path) -> FastAPI:
         """Motors halt now; what was measured is stored."""
         return {"done": control.stop()}
 
+    add_requests(app, queue or Queue(control, runs), answer, lambda material: _checked(runs, material), refusals)
+
     @app.get("/events", include_in_schema=False)
     async def events(last_event_id: Annotated[str, Header()] = "") -> StreamingResponse:
         """Server-sent events: `state`, and `samples` with those that are new. Never ends."""
@@ -225,14 +229,19 @@ async def _events(control: Control, last_event_id: str) -> AsyncIterator[str]:
 
 def _named(runs: Path, body: AcquireBody) -> tuple[Material, Path]:
     """The material, its files found, and the folder of its run. Raises ConfigError."""
-    material = body.material
+    material = _checked(runs, body.material)
+    return material, run_folder(runs, body.run or f"{material.name}/{new_name()}")
+
+
+def _checked(runs: Path, material: Material) -> Material:
+    """Its files found, if they may be opened. Raises ConfigError."""
     if material.truth is not None:
         material = material.model_copy(update={"truth": truth_name(runs, material.truth)})
     if (weights := material.sampler.flow.weights) is not None:
         flow = material.sampler.flow.model_copy(update={"weights": weights_file(runs, weights)})
         material = material.model_copy(update={"sampler": material.sampler.model_copy(update={"flow": flow})})
     _must_be_text(material)
-    return material, run_folder(runs, body.run or f"{material.name}/{new_name()}")
+    return material
 
 
 def _must_be_text(material: Material) -> None:
