@@ -4,6 +4,7 @@ import csv
 import io
 import math
 import os
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +14,7 @@ from pydantic import Field
 from gonio.config.loader import ConfigError, Section
 
 MOST, MOST_BYTES = 100_000, 20_000_000
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?", re.ASCII)
 COLUMNS = ("theta_i_deg", "phi_i_deg", "theta_o_deg", "phi_o_deg")
 Theta = Annotated[float, Field(ge=0, lt=90)]
 Phi = Annotated[float, Field(ge=-360, le=360)]
@@ -98,10 +100,9 @@ def _row(row: list[str], at: list[int | None], where: str) -> tuple[float, ...]:
         cell = row[k].strip() if k is not None and k < len(row) else ""
         if cell == "" and (missing is None or k is not None):
             raise ConfigError(f"{where}: {name}: empty")
-        try:
-            value = float(cell) if cell else missing
-        except ValueError:
-            raise ConfigError(f"{where}: {name}: {cell[:40]!r} is not a number of degrees") from None
+        if cell and NUMBER.fullmatch(cell) is None:
+            raise ConfigError(f"{where}: {name}: {cell[:40]!r} is not a number of degrees")
+        value = float(cell) if cell else missing
         low, high = (0.0, 90.0) if name.startswith("theta") else (-360.0, 360.0)
         if value is None or not low <= value <= high or (value == 90.0 and high == 90.0):
             raise ConfigError(f"{where}: {name}: {cell[:40]} is out of range; degrees, theta from 0 to below 90")

@@ -117,10 +117,7 @@ class Control:
     # ---- called by jobs, in the control thread ---------------------------------------------------------------------
 
     def ask(self, what: str) -> None:
-        """Holds here, light off and arms at rest, until `go_on`: the operator puts `what` in. Raises Interrupted for a
-        stop."""
-        if (rig := self.owner.rig) is not None and hasattr(rig, "park"):
-            rig.park()
+        """Holds here until `go_on`: the operator puts `what` in. Raises Interrupted for a stop."""
         self._go_on.clear()
         if not self.stopped:
             self.board.job(asks=what)

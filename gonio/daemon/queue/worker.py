@@ -13,6 +13,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
+from gonio.daemon import manual
 from gonio.daemon.control import Busy, Control, Work
 from gonio.daemon.jobs import driven
 from gonio.daemon.queue.entries import Entries, Entry
@@ -131,6 +132,7 @@ class Queue:
             begun = entry
             if begun.state == "waiting":
                 if self.entries.saved.ask:
+                    self._out_of_the_way(owner)
                     self.control.ask(entry.label)
                 name = f"{entry.material.name}/{new_name()}"
                 begun = self.entries.change(entry.id, state="running", run=name, message="")
@@ -139,6 +141,11 @@ class Queue:
             return drive(owner)
 
         return work, {"material": entry.material.name, "entry": entry.id}
+
+    def _out_of_the_way(self, owner: RigOwner) -> None:
+        """Light off and arms at rest, where the rig is open: a hand reaches in now."""
+        if owner.rig is not None and hasattr(owner.rig, "park"):
+            self.control.board.write(pose_deg=manual.park(owner)["pose_deg"])
 
     def _open(self, entry: Entry) -> Run:
         """Its run, begun or gone on with."""
