@@ -104,6 +104,7 @@ def test_plots(run):
         run.brdf().plot((95,))
 
 
+@pytest.mark.slow
 def test_the_callback_ends_a_run_and_resume_makes_it_the_whole_one(run, tmp_path):
     seen = []
 

@@ -20,6 +20,13 @@ def daemon():
     daemon.close()
 
 
+@pytest.fixture(scope="module")
+def same_daemon():
+    daemon = Daemon("ideal")
+    yield daemon
+    daemon.close()
+
+
 def ok(done):
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -99,6 +106,7 @@ def test_killed_while_it_asks_it_asks_again(daemon):
     assert states(daemon) == {"felt": "done"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", ["kill", "terminate"])
 def test_ended_in_a_run_it_goes_on_with_it_and_does_not_ask(end):
     plan = {"measured": 20, "where": "after"} if end == "kill" else {}
@@ -168,10 +176,10 @@ def test_a_scan_waits_too(daemon, tmp_path):
         (["add", "analytic_gloss", "--set", "rig.settle_s=1"], "rig.settle_s"),
     ],
 )
-def test_mistakes_are_one_line(daemon, args, words):
-    done = daemon.gonio("queue", *args)
+def test_mistakes_are_one_line(same_daemon, args, words):
+    done = same_daemon.gonio("queue", *args)
     assert done.returncode == 2 and words in done.stderr and "Traceback" not in done.stderr
-    assert states(daemon) == {}
+    assert states(same_daemon) == {}
 
 
 def test_without_a_daemon(monkeypatch, tmp_path):

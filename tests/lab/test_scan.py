@@ -1,6 +1,8 @@
 """gonio scan: a list of directions through the same rig, planner and store; a run as any other."""
 
+import contextlib
 import csv
+import io
 import json
 import random
 import subprocess
@@ -12,6 +14,7 @@ import pytest
 
 import gonio as package
 from gonio.brdf.library import find
+from gonio.cli import main
 from gonio.config import ConfigError
 from gonio.config.scan import MOST, Scan, in_plane, read_scan
 from gonio.mcmc.listed import Listed
@@ -21,11 +24,19 @@ from tests.daemon.conftest import PLANNED
 PLANE = ["--theta-i", "30", "--theta-i", "60", "--from", "-75", "--to", "75", "--step", "15"]
 
 
-def gonio(*args, cwd=None, plan=None):
-    begin = ["-m", "gonio.cli"] if plan is None else ["-c", PLANNED, json.dumps(plan)]
-    return subprocess.run(
-        [sys.executable, *begin, *map(str, args)], capture_output=True, text=True, cwd=cwd, timeout=300
-    )
+def gonio(*args, cwd="."):
+    """The command in this process: returncode, stdout, stderr."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.chdir(cwd), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as ended:
+            patch.setattr(sys, "argv", ["gonio", *map(str, args)])
+            main()
+    return subprocess.CompletedProcess(args, ended.value.code, out.getvalue(), err.getvalue())
+
+
+def killed(*args, **plan):
+    command = [sys.executable, "-c", PLANNED, json.dumps(plan), *map(str, args)]
+    return subprocess.run(command, capture_output=True, timeout=300).returncode
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +65,7 @@ def test_each_pair_as_often_as_asked(run):
     assert (peak["theta_i_deg"], peak["theta_o_deg"], peak["phi_o_deg"]) == ("60.0", "60.0", "0.0")
 
 
+@pytest.mark.slow
 def test_what_is_made_of_it(run, tmp_path):
     assert (run / "scan.png").read_bytes()[:4] == b"\x89PNG" and not (run / "brdf.npz").exists()
     assert gonio("reconstruct", run, "--model", "ggx").returncode == 0
@@ -75,10 +87,11 @@ def test_a_pass_after_the_other_each_in_the_cheapest_order(run):
     assert (by_time[:20] != np.arange(20)).any(), "the planner orders it"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", ["before", "between", "after"])
 def test_killed_and_resumed_it_is_the_same(run, tmp_path, where):
     args = ["scan", "analytic_gloss", *PLANE, "--repeats", 3, "--rig", "sim", "--out", tmp_path / "run"]
-    assert gonio(*args, plan={"measured": 30, "where": where}).returncode == -9
+    assert killed(*args, measured=30, where=where) == -9
     done = gonio("resume", tmp_path / "run")
     assert done.returncode == 0 and "plot" in done.stdout, done.stderr
     assert (tmp_path / "run" / "scan.csv").read_bytes() == (run / "scan.csv").read_bytes()
