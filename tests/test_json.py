@@ -91,3 +91,20 @@ def test_evaluate_and_budget(tmp_path):
     text, data = both("budget", tmp_path / "run")
     assert set(data) == documented("budget")
     assert all(f"{v:.4f}" in text for row in data["dhr"] for v in row["value"])
+
+
+def test_status_and_queue():
+    from tests.daemon.conftest import Daemon
+
+    daemon = Daemon("ideal")
+    try:
+        data = json.loads(daemon.gonio("status", "--json").stdout, parse_constant=not_json)
+        assert set(data) == documented("status")
+        text = daemon.gonio("status").stdout
+        assert data["rig"]["name"] in text and data["state"] in text
+        daemon.gonio("queue", "add", "analytic_gloss")
+        data = json.loads(daemon.gonio("queue", "list", "--json").stdout, parse_constant=not_json)
+        assert set(data) == documented("queue list")
+        assert data["entries"][0]["name"] in daemon.gonio("queue", "list").stdout
+    finally:
+        daemon.close()

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import weakref
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -62,15 +63,28 @@ def as_brdf(truth: Truth) -> Brdf:
     return open_truth(os.fspath(truth))
 
 
+_OPEN: "weakref.WeakValueDictionary[str, OpenRig]" = weakref.WeakValueDictionary()
+
+
+def _let_go(owner: RigOwner, held: contextlib.ExitStack) -> None:
+    with held:
+        owner.close()
+
+
 class OpenRig:
     """A rig that this process drives until `close`; use it in a `with` block. Directions are unit vectors (N, 3), z the
     sample's normal, wi to the light, wo to the detector."""
 
     def __init__(self, config: RigConfig, truth: Brdf | None, isotropic: bool, seed: int):
         self.config, self.truth, self.isotropic, self.seed = config, truth, isotropic, seed
-        self._held = contextlib.ExitStack()
-        self._held.enter_context(hold_hardware(config))
+        if config.depth == "real" and config.name in _OPEN:
+            raise ConfigError(f"rig {config.name}: is open in this very session; close it first, or use a `with` block")
+        held = contextlib.ExitStack()
+        held.enter_context(hold_hardware(config))
         self._owner = RigOwner(config)
+        # also where it is forgotten, or the session ends: a lamp must not stay on, nor a rig be held
+        self._let_go = weakref.finalize(self, _let_go, self._owner, held)
+        _OPEN[config.name] = self
         self._reach = envelope_of(config, geometry_calibration(config)).reachable
         self._next = 0
 
@@ -117,17 +131,22 @@ class OpenRig:
         self._owner.stop()
 
     def close(self) -> None:
-        """Light off, devices let go."""
-        try:
-            self._owner.close()
-        finally:
-            self._held.close()
+        """Light off, devices let go. Also done when the session ends."""
+        if _OPEN.get(self.config.name) is self:
+            del _OPEN[self.config.name]
+        self._let_go()
 
     def for_run(self, material: MaterialConfig, truth: Brdf | None) -> Any:
         """The rig as a run of `material` wants it (`gonio.rig.devices.Rig`)."""
+        self._refuse_closed()
         return self._owner.for_run(material, truth)
 
+    def _refuse_closed(self) -> None:
+        if not self._let_go.alive:
+            raise ConfigError(f"rig {self.config.name}: was closed; open it again with `gonio.open_rig`")
+
     def _rig(self) -> Any:
+        self._refuse_closed()
         if self._owner.rig is None:
             symmetry = "isotropic" if self.isotropic else "anisotropic"
             self._owner.for_run(MaterialConfig(name="by_hand", symmetry=symmetry, seed=self.seed), self.truth)

@@ -141,6 +141,26 @@ def test_devices_show_a_function_too(tmp_path):
     assert len(run.samples) == 12
 
 
+def test_a_rig_is_let_go_when_it_is_forgotten(monkeypatch, tmp_path):
+    """A cell that is run again must not find the rig held by itself, nor the lamp left on."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    rig = gonio.open_rig("bench")
+    with pytest.raises(ConfigError, match="is open in this very session"):
+        gonio.open_rig("bench")
+    closed = []
+    rig._owner.close = lambda: closed.append(True)
+    del rig
+    assert closed == [True]
+    gonio.open_rig("bench").close()
+    with gonio.open_rig("ideal", truth=grey) as rig:
+        pass
+    with pytest.raises(ConfigError, match="was closed"):
+        rig.measure([[0, 0, 1.0]], [[0, 0.6, 0.8]])
+    with pytest.raises(ConfigError, match="was closed"):
+        gonio.acquire(material(), rig, tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
 def test_rows_come_in_the_order_given():
     theta = np.radians([80, 10, 60, 20, 70.0])
     with gonio.open_rig("ideal", truth=lambda wi, wo: wi[:, 2]) as rig:
