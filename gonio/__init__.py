@@ -37,11 +37,12 @@ def load_brdf(path):
 
     path may also be the name of a material, see `gonio.brdf.library`. Raises `gonio.brdf.BrdfFileError`.
 
-    >>> import gonio
-    >>> gloss = gonio.load_brdf("analytic_gloss")
-    >>> up = gonio.from_angles([0.0], [0.0])
-    >>> gloss.eval(up, up).shape
-    (1, 3)
+    Examples:
+        >>> import gonio
+        >>> gloss = gonio.load_brdf("analytic_gloss")
+        >>> up = gonio.from_angles([0.0], [0.0])
+        >>> gloss.eval(up, up).shape
+        (1, 3)
     """
     plotted = import_module("gonio.api.plot").plotted
     return plotted(import_module("gonio.load").load_brdf(path))

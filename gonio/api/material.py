@@ -19,16 +19,17 @@ class Material(MaterialConfig):
     keys are those of the YAML; a mapping changes only what it names. Raises ConfigError for a key or value that the
     YAML would refuse, too.
 
-    >>> import gonio
-    >>> felt = gonio.Material(name="felt", channels=["L"], budget={"measurements": 300})
-    >>> felt.budget.measurements, felt.symmetry
-    (300, 'isotropic')
-    >>> gonio.Material("analytic_gloss", seed=7, budget={"measurements": 50}).seed
-    7
-    >>> gonio.Material(name="felt", budget={"measurments": 3})
-    Traceback (most recent call last):
-    ...
-    gonio.config.loader.ConfigError: Material: budget.measurments: unknown key; did you mean measurements?
+    Examples:
+        >>> import gonio
+        >>> felt = gonio.Material(name="felt", channels=["L"], budget={"measurements": 300})
+        >>> felt.budget.measurements, felt.symmetry
+        (300, 'isotropic')
+        >>> gonio.Material("analytic_gloss", seed=7, budget={"measurements": 50}).seed
+        7
+        >>> gonio.Material(name="felt", budget={"measurments": 3})
+        Traceback (most recent call last):
+        ...
+        gonio.config.loader.ConfigError: Material: budget.measurments: unknown key; did you mean measurements?
     """
 
     def __init__(self, source: str | os.PathLike[str] | None = None, /, **keys: Any):

@@ -35,11 +35,12 @@ def acquire(
 
     Raises ConfigError and the other errors of a bad config, StoreError, DeviceFault, SafetyStop, CalibrationMissing.
 
-    >>> import gonio, tempfile
-    >>> few = gonio.Material("analytic_gloss", budget={"measurements": 40})
-    >>> run = gonio.acquire(few, "ideal", out=tempfile.mkdtemp() + "/run")
-    >>> len(run.samples), run.ended
-    (40, 'budget of 40 measurements')
+    Examples:
+        >>> import gonio, tempfile
+        >>> few = gonio.Material("analytic_gloss", budget={"measurements": 40})
+        >>> run = gonio.acquire(few, "ideal", out=tempfile.mkdtemp() + "/run")
+        >>> len(run.samples), run.ended
+        (40, 'budget of 40 measurements')
     """
     if not isinstance(material, MaterialConfig):
         material = Material(material)
@@ -73,15 +74,16 @@ def resume(
 def make_sampler(material: MaterialConfig, rig: OpenRig) -> Sampler:
     """The chain alone, for a loop of one's own: `ask()` says what to measure, `tell(ids, f, sigma)` hears what it was.
 
-    >>> import gonio
-    >>> material = gonio.Material(name="mine", channels=["L"])
-    >>> with gonio.open_rig("ideal", truth=lambda wi, wo: 0.3 + 0 * wi[:, 0]) as rig:
-    ...     sampler = gonio.make_sampler(material, rig)
-    ...     batch = sampler.ask()
-    ...     for seen in rig.visit(batch.wi, batch.wo, batch.ids):
-    ...         sampler.tell(seen.ids, seen.f, seen.sigma)
-    >>> sampler.ask().ids.min() == len(batch.ids)
-    np.True_
+    Examples:
+        >>> import gonio
+        >>> material = gonio.Material(name="mine", channels=["L"])
+        >>> with gonio.open_rig("ideal", truth=lambda wi, wo: 0.3 + 0 * wi[:, 0]) as rig:
+        ...     sampler = gonio.make_sampler(material, rig)
+        ...     batch = sampler.ask()
+        ...     for seen in rig.visit(batch.wi, batch.wo, batch.ids):
+        ...         sampler.tell(seen.ids, seen.f, seen.sigma)
+        >>> bool(sampler.ask().ids.min() == len(batch.ids))
+        True
     """
     from gonio.mcmc import make_sampler as make
     from gonio.reconstruct.samples import Samples

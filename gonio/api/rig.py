@@ -39,11 +39,12 @@ def open_rig(
     isotropic: the sample on it is, which saves motion. seed: of a simulated rig's noise. Devices are opened when they
     are first needed. Raises ConfigError; SocketsError where another process drives the rig.
 
-    >>> import gonio, numpy as np
-    >>> with gonio.open_rig("ideal", truth=lambda wi, wo: np.full((len(wi), 1), 0.8 / np.pi)) as rig:
-    ...     seen = rig.measure([[0.6, 0, 0.8]], [[0, 0, 1]])
-    >>> seen.f.round(4).tolist()
-    [[0.2546]]
+    Examples:
+        >>> import gonio, numpy as np
+        >>> with gonio.open_rig("ideal", truth=lambda wi, wo: np.full((len(wi), 1), 0.8 / np.pi)) as rig:
+        ...     seen = rig.measure([[0.6, 0, 0.8]], [[0, 0, 1]])
+        >>> seen.f.round(4).tolist()
+        [[0.2546]]
     """
     config = rig if isinstance(rig, RigConfig) else load_config(find_config(rig, "rigs"), RigConfig)
     shown = None if truth is None else as_brdf(truth)
