@@ -9,8 +9,9 @@ from typing import Annotated
 
 import typer
 
-from gonio.commands import acquisition, budget, init, materials, owner, products, queue, rig, scan, scene, studies
+from gonio.commands import acquisition, budget, materials, owner, products, rig, scene, studies
 from gonio.commands.calibrate import app as calibrate
+from gonio.commands.lab import init, queue, scan
 
 app = typer.Typer(
     name="gonio",
