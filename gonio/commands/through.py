@@ -53,6 +53,8 @@ def material_body(material: Material) -> dict[str, Any]:
     body = material.model_dump(mode="json")
     if (flow := body["sampler"]["flow"])["weights"] is not None:
         flow["weights"] = str(Path(flow["weights"]).resolve())  # the daemon stands in another folder
+    if (target := body["sampler"]["target"])["scene"] is not None:
+        target["scene"] = str(Path(target["scene"]).resolve())
     return body
 
 

@@ -24,7 +24,7 @@ from gonio.daemon import jobs, manual
 from gonio.daemon.control import Busy, Control
 from gonio.daemon.queue.requests import add_requests
 from gonio.daemon.queue.worker import Queue
-from gonio.daemon.request_paths import RUN, run_folder, truth_name, weights_file
+from gonio.daemon.request_paths import RUN, run_folder, scene_file, truth_name, weights_file
 from gonio.run.check import plan_of
 from gonio.run.prepare import new_name
 
@@ -240,6 +240,9 @@ def _checked(runs: Path, material: Material) -> Material:
     if (weights := material.sampler.flow.weights) is not None:
         flow = material.sampler.flow.model_copy(update={"weights": weights_file(runs, weights)})
         material = material.model_copy(update={"sampler": material.sampler.model_copy(update={"flow": flow})})
+    if (scene := material.sampler.target.scene) is not None:
+        target = material.sampler.target.model_copy(update={"scene": scene_file(runs, scene)})
+        material = material.model_copy(update={"sampler": material.sampler.model_copy(update={"target": target})})
     _must_be_text(material)
     return material
 
