@@ -4,27 +4,25 @@ Lines begin with `ok`, `warn` or `FAIL`.
 """
 
 import os
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from drivers.camera import FrameSource
 from drivers.doctor_camera import look, missing
-from drivers.dynamixel import tables as t
-from drivers.dynamixel.bus import Bus, Refused
-from drivers.dynamixel.configure import Joint, hardware_fault
-from drivers.gone import PortGone
-from drivers.latency import latency_ms, too_slow
-from drivers.light import SerialLight
-from drivers.photodiode import Photodiode
-from drivers.rig import make_stage, open_camera
-from drivers.text_line import TextLine
-from gonio.config.rig import DevicesConfig, PortConfig, RigConfig
+from drivers.rig import detector_section, make, open_camera
+from gonio.config.devices import DevicesConfig
+from gonio.config.loader import ConfigError
+from gonio.config.plugins import DetectorSection, DeviceSection
+from gonio.config.rig import RigConfig
 from gonio.rig.build import camera_calibration, camera_frames, geometry_calibration, radiometry_of
 from gonio.rig.calibration import RadiometryCalibration, load_calibration
 from gonio.rig.clock import RealClock
+from gonio.rig.devices import Light
+from gonio.rig.driver import Setting
 from gonio.rig.errors import CalibrationMissing, DeviceFault
 from gonio.rig.stale import stale
 
@@ -44,62 +42,28 @@ def _stage(config: RigConfig, devices: DevicesConfig) -> Iterator[str]:
     if devices.stage is None:
         yield "FAIL stage: none is configured; name its port under devices.stage"
         return
-    if (missing := _port("stage", devices.stage)) is not None:
-        yield missing
-        return
-    if (ms := latency_ms(devices.stage.port)) is not None:
-        slow = too_slow(devices.stage.port)
-        yield f"warn stage: {slow}" if slow else f"ok   stage: USB latency timer {ms} ms"
-    try:
-        stage = make_stage(config, devices, RealClock())
-        stage.bus.open()
-    except (DeviceFault, PortGone) as e:
-        yield f"FAIL {e if isinstance(e, DeviceFault) else f'stage: {e}; is another program using it?'}"
+    stage = yield from _made("stage", config, devices.stage)
+    if stage is None:
         return
     try:
-        there = [j for j in stage.joints if stage.bus.answers(j.id)]
-        for joint in stage.joints:
-            if joint in there:
-                yield from _servo(stage.bus, joint, stage.model)
-            else:
-                yield f"FAIL {joint.name}: no servo answers as id {joint.id}; check its cable, supply and id"
-        if len(there) < len(stage.joints):
-            found, _ = stage.bus.packets.broadcastPing(stage.bus.port)
-            others = sorted(set(found) - {j.id for j in stage.joints})
-            who = ", ".join(f"id {i} (model {found[i][0]})" for i in others) or "nobody"
-            yield f"warn stage: besides these, at {devices.stage.baud} baud, {who} answers; other rates were not tried"
-    except (DeviceFault, Refused, PortGone) as e:
-        yield f"FAIL stage: {e}"
+        yield from stage.doctor()
+    except DeviceFault as e:
+        yield f"FAIL {e}"
     finally:
-        stage.bus.close()
+        stage.close()
 
 
-def _servo(bus: Bus, joint: Joint, model: str) -> Iterator[str]:
-    number = bus.ping(joint.id)
-    known = {n: name for name, n in t.MODELS.items()}.get(number, f"model {number}")
-    if number != t.MODELS[model]:
-        yield f"FAIL {joint.name}: servo {joint.id} is {known}, not {model}; check devices.stage.model and ids"
-        return
-    volts, celsius = bus.read(joint.id, t.VOLTAGE) / 10, bus.read(joint.id, t.TEMPERATURE)
-    low, high = bus.read(joint.id, t.MIN_VOLTAGE) / 10, bus.read(joint.id, t.MAX_VOLTAGE) / 10
-    hottest = bus.read(joint.id, t.TEMPERATURE_LIMIT)
-    position = bus.read(joint.id, t.PRESENT_POSITION)
-    degrees = (position - t.ZERO) * 360 / t.COUNTS
-    yield (
-        f"ok   {joint.name}: {known} id {joint.id}, firmware {bus.read(joint.id, t.FIRMWARE)}, {volts:.1f} V, "
-        f"{celsius} C, at {degrees:.2f} degrees"
-    )
-    if fault := hardware_fault(joint.name, bus.read(joint.id, t.HARDWARE_ERROR)):
-        yield f"FAIL {fault}"
-    if not low <= volts <= high:
-        yield f"FAIL {joint.name}: {volts:.1f} V is outside {low:.1f} to {high:.1f} V; check the supply"
-    if celsius > hottest - 10:
-        yield f"warn {joint.name}: {celsius} C, it stops at {hottest} C; let it cool down"
-    if not joint.lower <= position <= joint.upper:
-        yield f"FAIL {joint.name}: stands outside its limits; move it inside by hand with the power off"
-    for register, value, what in ((t.MIN_POSITION, joint.lower, "lower"), (t.MAX_POSITION, joint.upper, "upper")):
-        if (kept := bus.read(joint.id, register)) != value:
-            yield f"warn {joint.name}: its own {what} limit is {kept} counts, not {value}; written at the next start"
+def _made(name: str, config: RigConfig, section: DeviceSection) -> Generator[str, None, Any]:
+    """The device of a section, not connected; None where that cannot be, and a line that says why."""
+    for port in section.ports:
+        if (wrong := _port(name, port)) is not None:
+            yield wrong
+            return None
+    try:
+        return make(section, Setting(config, RealClock(), patient=False))
+    except (DeviceFault, ConfigError) as e:
+        yield f"FAIL {e}" if isinstance(e, DeviceFault) else f"FAIL {name}: {e}"
+        return None
 
 
 def _optics(config: RigConfig, devices: DevicesConfig, frames: FrameSource | None) -> Iterator[str]:
@@ -107,17 +71,11 @@ def _optics(config: RigConfig, devices: DevicesConfig, frames: FrameSource | Non
     light, light_works = None, False
     if devices.light is None:
         yield "warn light: none is configured; switch it yourself, or name its port under devices.light"
-    elif (wrong := _port("light", devices.light)) is not None:
-        yield wrong
     else:
-        light = SerialLight(
-            TextLine("light", devices.light.port, devices.light.baud, grace_s=0, boot_s=devices.light.boot_s),
-            RealClock(),
-        )
+        light = yield from _made("light", config, devices.light)
     try:
         if light is not None:
-            light.connect()
-            yield "ok   light: answers, off"
+            yield from light.doctor()
             light_works = True
     except DeviceFault as e:
         yield f"FAIL {e}"
@@ -126,7 +84,7 @@ def _optics(config: RigConfig, devices: DevicesConfig, frames: FrameSource | Non
         if config.detector == "camera":
             yield from _camera(config, devices, known, frames)
         else:
-            yield from _photodiode(config, devices, known)
+            yield from _detector(config, devices, known)
     finally:
         if light is not None:
             try:
@@ -137,7 +95,7 @@ def _optics(config: RigConfig, devices: DevicesConfig, frames: FrameSource | Non
 
 
 def _camera(
-    config: RigConfig, devices: DevicesConfig, light: SerialLight | None, frames: FrameSource | None
+    config: RigConfig, devices: DevicesConfig, light: Light | None, frames: FrameSource | None
 ) -> Iterator[str]:
     if frames is None:
         if (wrong := missing(devices.camera)) is not None:
@@ -151,19 +109,15 @@ def _camera(
     yield from look(config, frames, light)
 
 
-def _photodiode(config: RigConfig, devices: DevicesConfig, light: SerialLight | None) -> Iterator[str]:
-    if devices.photodiode is None:
+def _detector(config: RigConfig, devices: DevicesConfig, light: Light | None) -> Iterator[str]:
+    if config.detector == "photodiode" and devices.photodiode is None:
         yield "warn photodiode: none is configured; name its port under devices.photodiode"
         return
-    if (wrong := _port("photodiode", devices.photodiode)) is not None:
-        yield wrong
+    detector = yield from _made(config.detector_kind, config, detector_section(config, devices))
+    if detector is None:
         return
-    line = TextLine(
-        "photodiode", devices.photodiode.port, devices.photodiode.baud, grace_s=0, boot_s=devices.photodiode.boot_s
-    )
-    detector = Photodiode(line, config.photodiode, config.exposure_s)
     try:
-        detector.connect()
+        yield from detector.doctor()
         yield from _levels(config, detector, light)
     except DeviceFault as e:
         yield f"FAIL {e}"
@@ -171,12 +125,17 @@ def _photodiode(config: RigConfig, devices: DevicesConfig, light: SerialLight | 
         detector.close()
 
 
-def _levels(config: RigConfig, detector: Photodiode, light: SerialLight | None) -> Iterator[str]:
-    dark = np.mean([detector.read().value for _ in range(READINGS)], 0)
-    expected = config.photodiode.dark
-    yield f"ok   photodiode: {detector.channels} channels, dark level {', '.join(f'{v:.3g}' for v in dark)}"
-    if np.any(np.abs(dark - expected) > max(5 * config.photodiode.read_noise, 0.5 * abs(expected))):
-        yield f"warn photodiode: dark level should be about {expected:g}; is there stray light?"
+def _levels(config: RigConfig, detector: Any, light: Light | None) -> Iterator[str]:
+    kind, noise = config.detector_kind, config.photodiode
+    darks = [detector.read() for _ in range(READINGS)]
+    dark = np.mean([r.value for r in darks], 0)
+    expected = noise.dark
+    yield f"ok   {kind}: {detector.channels} channels, dark level {', '.join(f'{v:.3g}' for v in dark[:8])}"
+    if np.any(np.abs(dark - expected) > max(5 * noise.read_noise, 0.5 * abs(expected))):
+        yield f"warn {kind}: dark level should be about {expected:g} (photodiode.dark); is there stray light?"
+    scatter, sigma = np.std([r.value for r in darks], 0).max(), np.mean([r.sigma for r in darks])
+    if isinstance(config.detector, DetectorSection) and scatter > 3 * sigma:
+        yield f"warn {kind}: dark readings scatter by {scatter:.2g}, sigma is {sigma:.2g}: set photodiode.read_noise"
     if light is None:
         return
     light.on()
@@ -184,7 +143,7 @@ def _levels(config: RigConfig, detector: Photodiode, light: SerialLight | None) 
     lit = np.mean([detector.read().value for _ in range(READINGS)], 0)
     light.off()
     step = lit - dark
-    if np.any(step < 10 * config.photodiode.read_noise):
+    if not np.all(step >= 10 * noise.read_noise):
         yield "FAIL light: switching it on changes nothing; is it aimed at the sample, the detector too?"
     else:
         yield f"ok   light: on/off contrast {', '.join(f'{v:.3g}' for v in lit / np.maximum(np.abs(dark), 1e-12))}"
@@ -218,11 +177,13 @@ def _calibration(config: RigConfig) -> Iterator[str]:
         yield f"FAIL camera: {e}"
 
 
-def _port(name: str, port: PortConfig) -> str | None:
-    """What is wrong with a port before it is opened, None where nothing is."""
-    if not os.path.exists(port.port):
+def _port(name: str, port: str) -> str | None:
+    """What is wrong with a serial port before it is opened, None where nothing is."""
+    if "://" in port:
+        return None
+    if not os.path.exists(port):
         others = ", ".join(str(p) for p in sorted(Path("/dev/serial/by-id").glob("*"))) or "none"
-        return f"FAIL {name}: {port.port} is not there; plug it in, or name one of those found: {others}"
-    if not os.access(port.port, os.R_OK | os.W_OK):
-        return f"FAIL {name}: {port.port} may not be opened; have your user added to its group (often dialout)"
+        return f"FAIL {name}: {port} is not there; plug it in, or name one of those found: {others}"
+    if not os.access(port, os.R_OK | os.W_OK):
+        return f"FAIL {name}: {port} may not be opened; have your user added to its group (often dialout)"
     return None

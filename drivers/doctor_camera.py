@@ -8,7 +8,8 @@ import numpy as np
 
 from drivers.camera import Camera, FrameSource
 from drivers.hdr import NEAR_SATURATION
-from gonio.config.rig import CameraDeviceConfig, RigConfig
+from gonio.config.devices import CameraDeviceConfig
+from gonio.config.rig import RigConfig
 from gonio.geometry import Array
 from gonio.rig.devices import Light
 from gonio.rig.errors import DeviceFault

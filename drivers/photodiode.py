@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from drivers.gone import PortGone
 from drivers.numbers import decimal, whole
 from drivers.text_line import TextLine, shown
-from gonio.config.rig import PhotodiodeConfig
+from gonio.config.detectors import PhotodiodeConfig
 from gonio.geometry import Array
 from gonio.rig.devices import Reading
 from gonio.rig.errors import DeviceFault

@@ -3,19 +3,17 @@
 import logging
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
-
-import numpy as np
+from typing import Any
 
 from drivers.camera import Camera, FrameSource
 from drivers.camera_detector import CameraDetector
-from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.stage import DynamixelStage
 from drivers.latency import too_slow
-from drivers.light import SerialLight
-from drivers.photodiode import Photodiode
-from drivers.text_line import TextLine
+from gonio.config.devices import DevicesConfig, PhotodiodePort, ServoBusConfig
+from gonio.config.loader import ConfigError
 from gonio.config.plan import PlanConfig
-from gonio.config.rig import DevicesConfig, RigConfig
+from gonio.config.plugins import DetectorSection, DeviceSection, driver
+from gonio.config.rig import RigConfig
 from gonio.geometry import Array
 from gonio.rig.build import (
     calibration_ids,
@@ -24,16 +22,15 @@ from gonio.rig.build import (
     envelope_of,
     geometry_calibration,
     nominal_radiometry,
-    park_pose,
     radiometry_of,
     view_of,
 )
 from gonio.rig.clock import Clock, RealClock
+from gonio.rig.driver import Setting
 from gonio.rig.errors import CalibrationMissing, DeviceFault
 from gonio.rig.staged import StagedRig
 
 log = logging.getLogger(__name__)
-POLL_S = 0.02  # machine seconds between two polls of servos on the move
 
 
 def open_real(config: RigConfig, plan: PlanConfig, isotropic: bool, *, calibrated: bool = True) -> StagedRig:
@@ -54,7 +51,7 @@ def assemble(
     calibrated: bool = True,
     simulated: bool = False,
     announce: Callable[[int], None] = lambda number: None,
-    make: Callable[..., StagedRig] = StagedRig,
+    rig_of: Callable[..., StagedRig] = StagedRig,
     frames: FrameSource | None = None,
     even: Callable[[float], AbstractContextManager[None]] | None = None,
 ) -> StagedRig:
@@ -66,28 +63,27 @@ def assemble(
     geometry = geometry_calibration(config)
     envelope = envelope_of(config, geometry)
     stage = make_stage(config, devices, clock)
-    if devices.stage is not None and (slow := too_slow(devices.stage.port)) is not None:
+    if isinstance(devices.stage, ServoBusConfig) and (slow := too_slow(devices.stage.port)) is not None:
         log.warning("stage: %s", slow)
     with ExitStack() as opened:
-        light: SerialLight | NoLight = NoLight()
+        light: Any = NoLight()
         if devices.light is not None:
-            line = TextLine("light", devices.light.port, devices.light.baud, boot_s=devices.light.boot_s)
-            light = SerialLight(line, clock, config.light.warm_up_s)
+            light = make(devices.light, Setting(config, clock))
             opened.callback(light.close)
             light.connect()  # and off: a camera learns its darks now
-        detector: Photodiode | CameraDetector
+        detector: Any
         if config.detector == "camera":
             source = frames or open_camera(config, devices)
             opened.callback(source.close)
             detector = camera_detector(config, source, stage.pose, calibrated=calibrated, even=even)
         else:
-            detector = open_photodiode(config, devices)
+            detector = open_detector(config, devices, clock)
             opened.callback(detector.close)
         radiometry = (radiometry_of if calibrated else nominal_radiometry)(config, detector.channels)
         stage.connect()
         opened.callback(stage.close)
         stage.home()
-        rig = make(
+        rig = rig_of(
             config, envelope, stage, detector, light, radiometry, clock, plan, isotropic,
             simulated=simulated, announce=announce, release=opened.pop_all().close,
         )  # fmt: skip
@@ -95,19 +91,29 @@ def assemble(
     return rig
 
 
-def open_photodiode(config: RigConfig, devices: DevicesConfig) -> Photodiode:
-    """Raises DeviceFault."""
-    if devices.photodiode is None:
-        raise DeviceFault("photodiode", "none is configured", "name its port under devices.photodiode")
-    port = devices.photodiode
-    line = TextLine("photodiode", port.port, port.baud, boot_s=port.boot_s)
-    detector = Photodiode(line, config.photodiode, config.exposure_s)
+def open_detector(config: RigConfig, devices: DevicesConfig, clock: Clock) -> Any:
+    """The detector that the rig names, if it is no camera; connected. Raises DeviceFault, ConfigError."""
+    detector = make(detector_section(config, devices), Setting(config, clock))
     try:
         detector.connect()
     except BaseException:
         detector.close()
         raise
     return detector
+
+
+def detector_section(config: RigConfig, devices: DevicesConfig) -> DetectorSection:
+    """What says how the detector is connected, if it is no camera. Raises DeviceFault where nothing does."""
+    if isinstance(config.detector, DetectorSection):
+        return config.detector
+    if devices.photodiode is None:
+        raise DeviceFault("photodiode", "none is configured", "name its port under devices.photodiode")
+    return PhotodiodePort(**devices.photodiode.model_dump())
+
+
+def make(section: DeviceSection, setting: Setting) -> Any:
+    """The device of a section, not connected yet. Raises ConfigError where its driver is not installed, DeviceFault."""
+    return driver(section.group, section.driver)(section, setting)
 
 
 def open_camera(config: RigConfig, devices: DevicesConfig) -> FrameSource:
@@ -152,19 +158,14 @@ def camera_detector(
     return CameraDetector(camera, config.exposure_s, lambda: view.disk(diameter, pose()))
 
 
-def open_stage(config: RigConfig, devices: DevicesConfig, clock: Clock) -> DynamixelStage:
-    """The servos, recognised and configured; not homed. Raises DeviceFault."""
-    stage = make_stage(config, devices, clock)
-    stage.connect()
-    return stage
-
-
 def reboot(config: RigConfig, axis: str) -> None:
     """The operator's command: restart one servo that has shut itself down, and write its settings again.
 
     Its arm may sag. Raises DeviceFault, KeyError.
     """
     stage = make_stage(config, config.devices, RealClock())
+    if not isinstance(stage, DynamixelStage):
+        raise ConfigError(f"--reboot {axis}: rig {config.name} has no servos that restart by themselves")
     try:
         stage.bus.open()
         stage.reboot(axis)
@@ -172,23 +173,11 @@ def reboot(config: RigConfig, axis: str) -> None:
         stage.close()
 
 
-def make_stage(config: RigConfig, devices: DevicesConfig, clock: Clock) -> DynamixelStage:
+def make_stage(config: RigConfig, devices: DevicesConfig, clock: Clock) -> Any:
     """Not connected yet."""
-    s = devices.stage
-    if s is None:
+    if devices.stage is None:
         raise DeviceFault("stage", "none is configured", "name its port under devices.stage")
-    envelope = envelope_of(config, None)
-    return DynamixelStage(
-        Bus(s.port, s.baud, {number: name for name, number in s.ids.items()}),
-        envelope.axes,
-        s.ids,
-        s.model,
-        envelope.snap(np.asarray(park_pose(config))),
-        clock,
-        watchdog_s=s.watchdog_s,
-        after_fault=s.after_fault,
-        poll_s=min(POLL_S, s.watchdog_s / 4) * getattr(clock, "scale", 1.0),
-    )
+    return make(devices.stage, Setting(config, clock))
 
 
 class NoLight:

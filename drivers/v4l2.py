@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from drivers.v4l2_query import query
 from gonio.config.detectors import CameraConfig
-from gonio.config.rig import CameraDeviceConfig
+from gonio.config.devices import CameraDeviceConfig
 from gonio.rig.errors import DeviceFault
 
 PROPERTIES = {

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from gonio.commands import acquisition, budget, materials, owner, products, rig, scene, studies
+from gonio.commands import acquisition, budget, instrument, materials, owner, products, rig, scene, studies
 from gonio.commands.calibrate import app as calibrate
 from gonio.commands.lab import init, queue, scan
 
@@ -22,7 +22,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for group in (acquisition, scan, products, budget, rig, owner, scene, studies):
+for group in (acquisition, scan, products, budget, rig, instrument, owner, scene, studies):
     group.register(app)
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(materials.app, name="materials")

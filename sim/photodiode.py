@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gonio.config.rig import PhotodiodeConfig
+from gonio.config.detectors import PhotodiodeConfig
 from gonio.geometry import Array
 from gonio.rig.clock import Clock
 from gonio.rig.devices import Reading

@@ -22,6 +22,7 @@ HOUSE = [
     {"gonio.run.open_rig"},
     {"calibration"},
     {"drivers", "sim"},
+    {"gonio.testing"},
     {"gonio.rig"},
     {"gonio.load"},
     {"gonio.render"},

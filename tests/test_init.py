@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from drivers.finding import find
+from drivers.ports.finding import find
 from gonio.brdf.models.lambert import Lambert
 from gonio.config import Material, load_config
 from gonio.config.find import SHIPPED

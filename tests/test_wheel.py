@@ -59,7 +59,28 @@ def test_every_material_is_found(installed, material):
 
 @pytest.mark.parametrize("rig", [r for r in names("rigs") if r != "bench"])
 def test_every_rig_is_found(installed, rig):
-    assert f"rig            {rig}" in gonio(installed, "check", "analytic_gloss", "--rig", rig)
+    material = "grey_gloss" if rig == "picoammeter" else "analytic_gloss"  # its detector has one channel
+    assert f"rig            {rig}" in gonio(installed, "check", material, "--rig", rig)
+
+
+def test_the_drivers_that_ship_are_entry_points(installed):
+    """A wheel offers them as a plug-in's does."""
+    from gonio.config.plugins import SHIPPED
+
+    code = (
+        "import json, sys; from importlib.metadata import distributions\n"
+        "offered = [e for d in distributions(path=[sys.argv[1]]) for e in d.entry_points]\n"
+        "found = [e for e in offered if e.group.startswith('gonio.')]\n"
+        "print(json.dumps([[e.group, e.name, e.value, e.load().Config.__name__] for e in found]))"
+    )
+    site, empty = installed
+    command = [sys.executable, "-c", code, site]
+    said = subprocess.run(
+        command, cwd=empty, env={**os.environ, "PYTHONPATH": str(site)}, capture_output=True, text=True, timeout=120
+    )
+    assert said.returncode == 0, said.stderr
+    found = {(group, name, value) for group, name, value, _ in json.loads(said.stdout)}
+    assert found == {(g, n, v) for g, known in SHIPPED.items() for n, v in known.items()}
 
 
 def test_every_study_is_listed(installed):

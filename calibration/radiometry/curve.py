@@ -52,9 +52,17 @@ class Curve:
     excess: float
 
 
-def fit_curve(points: Sequence[Point], dark: Array, ranges: int, drift: tuple[float, float]) -> Curve:
+def fit_curve(
+    points: Sequence[Point],
+    dark: Array,
+    ranges: int,
+    drift: tuple[float, float],
+    known: tuple[float, float] = (BEND, RATIO),
+) -> Curve:
     """dark (2, C): signal at no exposure, and a second; drift: of the lamp, relative in a second, and its sigma, as
-    known before. Ranges that no point reached stay at 1 +- RATIO."""
+    known before. known: how far from 0 the linearity and from 1 the ratios may be before anything is read; ranges that
+    no point reached stay at that, and so does all of a meter that reads a rate: its exposures tell nothing."""
+    bend, ratio = known
     from scipy.optimize import least_squares
 
     level = np.array([p.level for p in points])
@@ -77,7 +85,7 @@ def fit_curve(points: Sequence[Point], dark: Array, ranges: int, drift: tuple[fl
 
     def residual(p: Array) -> Array:
         _, _, ratios, x, lamp = parts(p)
-        priors = np.concatenate([np.log(ratios[1:]) / RATIO, [x / BEND, (lamp - drift[0]) / drift[1]]])
+        priors = np.concatenate([np.log(ratios[1:]) / ratio, [x / bend, (lamp - drift[0]) / drift[1]]])
         return np.concatenate([((shown(p) - value) / sigma).ravel(), priors])
 
     begin = np.zeros(cuts[-1] + 2)

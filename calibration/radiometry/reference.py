@@ -6,7 +6,7 @@ the run. Real white standards are not Lambertian: f belongs to the geometry, not
 """
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +27,7 @@ def calibrate_radiometry(
     cosine: float,
     rig: str,
     simulated: bool = False,
-    detector: Literal["photodiode", "camera"] = "photodiode",
+    detector: str = "photodiode",
 ) -> RadiometryCalibration:
     """Gain (C,) and linearity from readings of the reference, f (C,), at any exposures.
 
@@ -104,7 +104,7 @@ def calibrate_at(rig: StagedRig, wi: Array, wo: Array, reference_f: Array, u: fl
     rig.announce(-(1 << 41))
     dark, white = take_readings(rig.detector, rig.light, rig.config.exposure_s)
     cosine = rig.radiometry.cosine(wi_0, wo_0)
-    args = reference_f, cosine, rig.config.name, rig.simulated, rig.config.detector
+    args = reference_f, cosine, rig.config.name, rig.simulated, rig.config.detector_kind
     found = calibrate_radiometry(dark, white, *args)
     sigma = np.hypot(found.gain_sigma, u * np.array(found.gain))
     return found.model_copy(update={"gain_sigma": tuple(sigma.tolist()), "certificate_u": u})

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from calibration.radiometry.certificate import Certificate, within_reach
-from calibration.radiometry.curve import Curve, Point, fit_curve, photon_transfer
+from calibration.radiometry.curve import BEND, RATIO, Curve, Point, fit_curve, photon_transfer
 from calibration.radiometry.stability import Stability, stability
 from calibration.stamp import stamp
 from gonio.geometry import Array, from_angles
@@ -149,6 +149,7 @@ class Session:
             "curve_rms": rms,
             "certificate_u": float(u.mean()),
             "reference": self.said,
+            "detector": rig.config.detector_kind,
         }
         return RadiometryCalibration(**stamp("radiometry", found, rig.config, rig.simulated), **found)
 
@@ -198,9 +199,10 @@ class Session:
         )
         if np.any(np.median(light, 0) < 20):
             raise CalibrationMissing("radiometry: the reference is hardly brighter than the dark; is the lamp on?")
-        self.curve: Curve = fit_curve(
-            self.points, self.dark, rig.config.photodiode.ranges, (self.steady.drift, self.steady.drift_sigma)
-        )
+        drift = self.steady.drift, self.steady.drift_sigma
+        accuracy = rig.config.accuracy
+        known = (BEND, RATIO) if accuracy is None else (accuracy, accuracy)
+        self.curve: Curve = fit_curve(self.points, self.dark, len(rig.config.full_scales), drift, known)
 
     def _points(self, rig: StagedRig, level: int, seconds: float, time: float) -> list[Point]:
         """Readings at one level and exposure, by the ranges they were read in; none where they saturate."""
@@ -219,7 +221,8 @@ class Session:
             sigma = np.sqrt(np.mean([r.sigma**2 for r in group], 0) / len(group))
             full = np.array(group[0].raw.get("full_scale", [np.inf] * values.shape[1]), float)
             scatter = values.std(0, ddof=1) if len(group) > 1 else np.full(values.shape[1], np.nan)
-            found.append(Point(level, seconds, time, ranges, full, values.mean(0), sigma, scatter, len(group)))
+            exposed = float(group[0].raw["exposure_s"])  # a detector may not have the time that it is asked for
+            found.append(Point(level, exposed, time, ranges, full, values.mean(0), sigma, scatter, len(group)))
         return found
 
     def _radiometry(self, rig: StagedRig) -> Radiometry:

@@ -49,6 +49,7 @@ class Bus:
                 "stage", f"baud rate {baud} is none of {', '.join(map(str, BAUDS))}", "set devices.stage.baud to one"
             )
         self.names = dict(names)
+        self.baud = baud
         self.port = Port(name, baud)
         self.packets = PacketHandler()
         self.lock = threading.RLock()

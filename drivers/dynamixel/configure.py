@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from drivers.dynamixel import old
 from drivers.dynamixel import tables as t
 from drivers.dynamixel.bus import Bus, Refused
 from gonio.rig.errors import DeviceFault
@@ -23,7 +24,13 @@ class Joint:
 
 def recognise(bus: Bus, joint: Joint, model: str) -> None:
     """Raises DeviceFault that says what was expected and what was found."""
-    found, expected = bus.ping(joint.id), t.MODELS[model]
+    expected = t.MODELS[model]
+    try:
+        found = bus.ping(joint.id)
+    except DeviceFault:
+        if (old_model := old.found(bus, joint.id)) is not None:
+            raise old.refusal(joint.name, joint.id, old_model) from None
+        raise
     if found != expected:
         known = {number: name for name, number in t.MODELS.items()}.get(found, "unknown")
         raise DeviceFault(

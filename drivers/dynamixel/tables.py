@@ -1,7 +1,9 @@
 """Registers of Dynamixel X-series servos as data.
 
-XM430: emanual.robotis.com/docs/en/dxl/x/xm430-w350 (and -w210), XL430: .../x/xl430-w250, XH430: .../x/xh430-w350;
-section "Control Table of EEPROM Area" and "... of RAM Area" of each. Addresses are common to all of them.
+XM430: emanual.robotis.com/docs/en/dxl/x/xm430-w350 (and -w210), XL430: .../x/xl430-w250, XH430: .../x/xh430-w350,
+XL330: .../x/xl330-m288 (-m077), XC330: .../x/xc330-m288 (-m181, -t181, -t288), XC430: .../x/xc430-w240 (-w150), XM540:
+.../x/xm540-w270 (-w150); section "Control Table of EEPROM Area" and "... of RAM Area" of each. Addresses and units are
+common to all of them; supply and temperature limits are read from each servo.
 """
 
 from typing import NamedTuple
@@ -58,7 +60,13 @@ WATCHDOG_UNIT_S = 0.02
 I_GAIN = 100  # the default of 0 lets a loaded servo rest some counts short of its goal
 SHUTDOWN_MASK = 0b110100  # overheat, shock, overload; voltage is told but does not let the arms fall
 
-MODELS = {"XM430-W350": 1020, "XM430-W210": 1030, "XL430-W250": 1060, "XH430-W350": 1000}
+MODELS = {
+    "XM430-W350": 1020, "XM430-W210": 1030, "XL430-W250": 1060, "XH430-W350": 1000,
+    "XL330-M077": 1190, "XL330-M288": 1200,
+    "XC330-M181": 1230, "XC330-M288": 1240, "XC330-T181": 1210, "XC330-T288": 1220,
+    "XC430-W150": 1070, "XC430-W240": 1080,
+    "XM540-W150": 1130, "XM540-W270": 1120,
+}  # fmt: skip
 
 # bit of HARDWARE_ERROR -> what it means, what to do
 HARDWARE_ERRORS = {

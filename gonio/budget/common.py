@@ -123,12 +123,12 @@ class Common:
 
     def _filling(self, f: Array, wi: Array, wo: Array) -> tuple[Array, Array]:
         """How full the range is in which f is read (N, C), and which range that is."""
-        p, r = self.config.photodiode, self.radiometry
+        r = self.radiometry
         assert r is not None
         known = Radiometry(np.array(r.gain), np.zeros(len(r.gain)), self.config.footprint)
         signal = f * known.gain * self.config.exposure_s * self._cosine(wi, wo)[:, None]
-        full = p.full_scale * p.range_factor ** np.arange(p.ranges)
-        which = np.minimum(np.searchsorted(full, signal), p.ranges - 1)
+        full = np.array(self.config.full_scales)
+        which = np.minimum(np.searchsorted(full, signal), len(full) - 1)
         return np.minimum(signal / full[which], 1.0), which
 
     def _solid_angles(self, wi: Array, wo: Array, f: Array) -> Array:

@@ -22,7 +22,7 @@ def random_parts(
     p = config.photodiode
     seconds = np.array([r["exposure_s"] for r in raw])[:, None]
     n = np.array([r.get("readings", 1) for r in raw])[:, None]
-    step = np.array([r["full_scale"] for r in raw], float) / 2**p.bits
+    step = np.array([r["full_scale"] for r in raw], float) / config.steps
     cosine = (wi if config.footprint == "overfilled" else wo)[:, 2:]
     per_f = np.maximum(seconds * gain * cosine, 1e-300) * np.maximum(f, 1e-12)
     quantisation = step / np.sqrt(12 * n) / per_f

@@ -30,6 +30,14 @@ class ConfigError(ValueError):
     exit_code = 2
 
 
+class SectionError(ValueError):
+    """What is wrong inside a section that was read as `model`: the first of pydantic's errors, `first`."""
+
+    def __init__(self, first: Any, model: type[BaseModel]):
+        super().__init__(first["msg"])
+        self.first, self.model = first, model
+
+
 class Section(BaseModel):
     """Base of every section of a config: unknown keys, NaN and infinities are refused."""
 
@@ -151,8 +159,14 @@ def _override(data: dict[str, Any], item: str, model: type[BaseModel]) -> None:
 
 
 def _explain(error: ValidationError, model: type[BaseModel], lines: Mapping[tuple, int], source: str, overrides) -> str:
-    first = error.errors(include_url=False)[0]
-    loc = tuple(first["loc"])
+    all_of_them: list[Any] = error.errors(include_url=False)
+    # of a key that is a word or a section, what is wrong with the section
+    first = next((e for e in all_of_them if isinstance(e.get("ctx", {}).get("error"), SectionError)), all_of_them[0])
+    loc, known = tuple(first["loc"]), _known(model, tuple(first["loc"])[:-1])
+    while isinstance(inner := first.get("ctx", {}).get("error"), SectionError):
+        loc = (*(k for n, k in enumerate(loc) if loc[: n + 1] in lines), *inner.first["loc"])
+        known = _known(inner.model, tuple(inner.first["loc"])[:-1])
+        first = inner.first
     keys = tuple(
         k for k in loc if (*loc[: loc.index(k)], k) in lines or not str(k).startswith(("function-", "literal"))
     )
@@ -161,7 +175,7 @@ def _explain(error: ValidationError, model: type[BaseModel], lines: Mapping[tupl
     by_hand = any(o.partition("=")[0].strip() == name for o in overrides)
     where = f"--set {name}" if by_hand else f"{source}:{line}: {name}" if line else f"{source}: {name}"
     if first["type"] == "extra_forbidden":
-        near = difflib.get_close_matches(str(keys[-1]), _known(model, keys[:-1]), n=1)
+        near = difflib.get_close_matches(str(keys[-1]), known, n=1)
         return f"{where}: unknown key" + (f"; did you mean {near[0]}?" if near else "")
     if first["type"] == "missing":
         return f"{where}: missing; it has no default"

@@ -3,12 +3,14 @@
 Angles are in degrees here and nowhere below; every key that has a unit names it.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializeAsAny, model_validator
 
 from gonio.config.detectors import CameraConfig, Footprint, PhotodiodeConfig
+from gonio.config.devices import DevicesConfig, ServoBusConfig
 from gonio.config.loader import Section
+from gonio.config.plugins import DetectorSection
 from gonio.config.world import World
 
 Degrees = Annotated[float, Field(ge=-3600, le=3600)]
@@ -125,45 +127,6 @@ class CalibrationFiles(Section):
     allow_stale: bool = Field(False, description="measure all the same; the run says so")
 
 
-class PortConfig(Section):
-    """A serial device by its stable USB id (/dev/serial/by-id/...)."""
-
-    port: str = Field(min_length=1)
-    baud: int = Field(115200, ge=1200, le=10_000_000)
-
-
-class InstrumentPortConfig(PortConfig):
-    """An instrument that speaks text. One that answers at once is not waited for."""
-
-    boot_s: float = Field(3.0, ge=0, le=120, description="how long it may be deaf after its port is opened")
-
-
-class ServoBusConfig(PortConfig):
-    """Dynamixel servos on one bus: axis name -> servo id. Torque after a fault: held or released."""
-
-    baud: int = Field(1_000_000, ge=1200, le=10_000_000)
-    ids: dict[str, Annotated[int, Field(ge=0, le=252)]]
-    model: Literal["XM430-W350", "XM430-W210", "XL430-W250", "XH430-W350"] = "XM430-W350"
-    after_fault: Literal["hold", "release"] = "hold"
-    watchdog_s: float = Field(0.5, ge=0.02, le=2.54)
-
-
-class CameraDeviceConfig(Section):
-    """A V4L2 camera by its stable USB id (/dev/v4l/by-id/...). Uncompressed formats only: MJPEG is lossy and bent."""
-
-    device: str = Field(min_length=1)
-    format: Literal["YUYV", "GREY", "Y16 "] = "YUYV"
-
-
-class DevicesConfig(Section):
-    """Where the devices of a real rig are. A rig of depth `wire` finds its emulators by itself."""
-
-    stage: ServoBusConfig | None = None
-    photodiode: InstrumentPortConfig | None = None
-    light: InstrumentPortConfig | None = None
-    camera: CameraDeviceConfig | None = None
-
-
 class RigConfig(Section):
     """One rig."""
 
@@ -180,7 +143,9 @@ class RigConfig(Section):
     )
     clock_scale: float = Field(1.0, ge=1, le=1e6, description="wire emulators only: how much faster than life they run")
     acceptance: Acceptance = Acceptance()
-    detector: Literal["photodiode", "camera"] = "photodiode"
+    detector: Literal["photodiode", "camera"] | SerializeAsAny[DetectorSection] = Field(
+        "photodiode", description="or {driver: NAME, ...}, or {kind: text, instrument: NAME, port: ...}"
+    )
     photodiode: PhotodiodeConfig = PhotodiodeConfig()
     camera: CameraConfig = CameraConfig()
     light: LightConfig = LightConfig()
@@ -200,7 +165,34 @@ class RigConfig(Section):
     @property
     def channels(self) -> int | None:
         """How many the detector has, None = as many as what it looks at."""
+        if isinstance(self.detector, DetectorSection):
+            return self.detector.channels
         return len(self.camera.channels) if self.detector == "camera" else None
+
+    @property
+    def detector_kind(self) -> str:
+        """photodiode, camera, or the name of another driver."""
+        return self.detector.driver if isinstance(self.detector, DetectorSection) else self.detector
+
+    @property
+    def full_scales(self) -> tuple[float, ...]:
+        """Of the detector's ranges, in units of the signal, lowest first; one of infinity where it says none."""
+        p = self.photodiode
+        if isinstance(self.detector, DetectorSection):
+            return self.detector.full_scales or (float("inf"),)
+        return tuple(p.full_scale * p.range_factor**k for k in range(p.ranges))
+
+    @property
+    def accuracy(self) -> float | None:
+        """Of the detector's ranges and linearity, relative, before any calibration; None = nobody says."""
+        return self.detector.accuracy if isinstance(self.detector, DetectorSection) else None
+
+    @property
+    def steps(self) -> float:
+        """Of the detector's converter in a full scale; infinity where it says none."""
+        if isinstance(self.detector, DetectorSection):
+            return self.detector.steps or float("inf")
+        return float(2**self.photodiode.bits)
 
     @property
     def footprint(self) -> Footprint:
@@ -211,6 +203,17 @@ class RigConfig(Section):
     def reading_s(self) -> float:
         """About how long one reading takes."""
         return self.camera.reading_s if self.detector == "camera" else self.exposure_s
+
+    @model_validator(mode="before")
+    @classmethod
+    def _parts_of_their_own(cls, data: Any) -> Any:
+        """A photodiode or a camera that is named as other drivers are: its port has a place of its own."""
+        named = data.get("detector") if isinstance(data, dict) else None
+        if not (isinstance(named, dict) and named.get("driver") in ("photodiode", "camera")):
+            return data
+        where = {k: v for k, v in named.items() if k != "driver"}
+        devices = {**(data.get("devices") or {}), **({named["driver"]: where} if where else {})}
+        return {**data, "detector": named["driver"], "devices": devices}
 
     @model_validator(mode="after")
     def _consistent(self) -> "RigConfig":
@@ -237,26 +240,33 @@ class RigConfig(Section):
             if not self.axes[name].lower_deg <= angle <= self.axes[name].upper_deg:
                 raise ValueError(f"park_deg.{name}: {angle:g} lies outside the axis's limits")
         if self.depth == "real":
-            if self.devices.stage is None or getattr(self.devices, self.detector) is None:
-                raise ValueError(f"devices: a real rig needs a stage and the {self.detector} that `detector` names")
+            named = isinstance(self.detector, DetectorSection) or getattr(self.devices, self.detector) is not None
+            if self.devices.stage is None or not named:
+                raise ValueError(
+                    f"devices: a real rig needs a stage and the {self.detector_kind} that `detector` names"
+                )
             if self.faults != FaultsConfig():
                 raise ValueError("faults: a real rig has its own; leave this section out")
         if self.world is not None:
             self._check_world(self.world)
+        if isinstance(self.detector, DetectorSection) and self.depth in ("ideal", "devices"):
+            raise ValueError(f"detector: a rig of depth {self.depth} has no wire to one; take depth wire or real")
         if self.detector == "camera" and self.depth == "ideal":
             raise ValueError("detector: a rig of depth ideal has none; leave it out, or take depth devices")
-        if self.detector == "camera" and self.faults.spike > 0:
+        if self.detector != "photodiode" and self.faults.spike > 0:
             raise ValueError("faults.spike: only a photodiode has them; leave it out")
         if self.detector == "camera" and self.camera.region_mm > self.camera.lit_mm:
             raise ValueError("camera.region_mm: the region reaches beyond the lit patch (camera.lit_mm)")
-        if self.devices.stage is not None and set(self.devices.stage.ids) != set(names):
-            raise ValueError(f"devices.stage.ids: one servo for each of {', '.join(names)}")
+        joints = self.devices.stage.joints if self.devices.stage is not None else None
+        if joints is not None and set(joints) != set(names):
+            key, what = ("ids", "servo") if isinstance(self.devices.stage, ServoBusConfig) else ("axes", "motor")
+            raise ValueError(f"devices.stage.{key}: one {what} for each of {', '.join(names)}")
         return self
 
     def _check_world(self, world: World) -> None:
         if self.depth not in ("devices", "wire"):
             raise ValueError(f"world: a rig of depth {self.depth} cannot have one; leave this section out")
-        if self.detector == "camera":
+        if self.detector != "photodiode":
             raise ValueError("world: rigs with a photodiode only; leave this section out")
         for key, names in (
             *((k, self.axis_names) for k in ("offsets_deg", "tilts_deg", "backlash_deg", "eccentricity_deg")),

@@ -24,6 +24,7 @@ def as_keys_want(data: Any, node: yaml.Node | None, *wanted: Any) -> Any:
     options = [o for w in wanted for o in _options(w)]
     if isinstance(node, yaml.MappingNode) and isinstance(data, Mapping):
         nodes = {k.value: v for k, v in node.value}
+        options = [o.chosen(data) if hasattr(o, "chosen") else o for o in options]  # the section of a driver
         return {key: as_keys_want(value, nodes.get(key), *_of_key(options, key)) for key, value in data.items()}
     if isinstance(node, yaml.SequenceNode) and isinstance(data, list):
         items = [a for o in options for a in get_args(o) if get_origin(o) in (tuple, list) and a is not Ellipsis]

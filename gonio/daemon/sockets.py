@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from gonio.config.plugins import DetectorSection
 from gonio.config.rig import RigConfig
 
 
@@ -44,9 +45,8 @@ def socket_path(rig: str) -> Path:
 @contextlib.contextmanager
 def hold(config: RigConfig) -> Iterator[None]:
     """This process drives the rig, and the ports it is on. Raises SocketsError where another does."""
-    ports = [d.port for d in (config.devices.stage, config.devices.photodiode, config.devices.light) if d]
-    if (camera := config.devices.camera) is not None:
-        ports.append(camera.device)
+    detector = config.detector
+    ports = [*config.devices.ports, *(detector.ports if isinstance(detector, DetectorSection) else ())]
     names = [f"rig-{config.name}", *(f"port-{re.sub('[^A-Za-z0-9]+', '_', os.path.realpath(p))}" for p in ports)]
     with contextlib.ExitStack() as held:
         for name in dict.fromkeys(names):

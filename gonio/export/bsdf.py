@@ -46,7 +46,7 @@ def write_bsdf(
     description: str = "gonio",
     about: About | None = None,
 ) -> None:
-    """Write `brdf` to `path`, whole or not at all; rgb (3 channels) unless `spectral`.
+    """Write `brdf` to `path`, whole or not at all; rgb (3 channels, or 1 that stands for all) unless `spectral`.
 
     about: what is known of the sample, added to the description, one line a key.
 
@@ -57,10 +57,27 @@ def write_bsdf(
     Raises ExportError for a BRDF with NaN, negative values, or the wrong channels.
     """
     description = "\n".join([description, *lines(about or {})])
+    brdf = Grey(brdf) if brdf.channels == 1 and not spectral else brdf
     made = fields(brdf, anisotropic, spectral, incidences, resolution, description)
     if incidences is None and resolution is None and len(made["phi_i"]) == 1 and _error(brdf, made) > ENOUGH:
         made = fields(brdf, False, spectral, *FINER, description)
     write_tensor_file(path, made)
+
+
+class Grey:
+    """A BRDF of one channel, in three that are alike."""
+
+    def __init__(self, brdf: Brdf):
+        self.brdf, self.channels = brdf, 3
+
+    def eval(self, wi: Array, wo: Array) -> Array:
+        return np.repeat(self.brdf.eval(wi, wo), 3, axis=-1)
+
+    def sample(self, wi: Array, u: Array) -> tuple[Array, Array]:
+        return self.brdf.sample(wi, u)
+
+    def pdf(self, wi: Array, wo: Array) -> Array:
+        return self.brdf.pdf(wi, wo)
 
 
 def _error(brdf: Brdf, made: dict[str, Array]) -> float:

@@ -213,14 +213,14 @@ def radiometry_of(config: RigConfig, channels: int) -> Radiometry:
             raise CalibrationMissing(f"rig {config.name}: no calibration.radiometry; run `gonio calibrate radiometry`")
         return nominal_radiometry(config, channels)
     found = load_calibration(Path(c.radiometry), RadiometryCalibration)
-    if found.detector != config.detector:
-        raise CalibrationMissing(f"{c.radiometry}: made with a {found.detector}, the rig has a {config.detector}")
+    kind = config.detector_kind
+    if found.detector != kind:
+        raise CalibrationMissing(f"{c.radiometry}: made with a {found.detector}, the rig has a {kind}")
     if len(found.gain) != channels:
         raise CalibrationMissing(f"{c.radiometry}: made for {len(found.gain)} channels, the run has {channels}")
-    if found.range_ratios and len(found.range_ratios) != config.photodiode.ranges:
-        raise CalibrationMissing(
-            f"{c.radiometry}: made for {len(found.range_ratios)} ranges, the rig has {config.photodiode.ranges}"
-        )
+    ranges = len(config.full_scales)
+    if found.range_ratios and len(found.range_ratios) != ranges:
+        raise CalibrationMissing(f"{c.radiometry}: made for {len(found.range_ratios)} ranges, the rig has {ranges}")
     return Radiometry(
         np.array(found.gain),
         np.array(found.gain_sigma),

@@ -72,7 +72,7 @@ class RadiometryCalibration(Dated):
     """
 
     kind: Literal["radiometry"] = "radiometry"
-    detector: Literal["photodiode", "camera"] = "photodiode"
+    detector: str = "photodiode"  # or camera, or the name of another driver
     gain: tuple[float, ...]
     gain_sigma: tuple[float, ...]
     dark: tuple[float, ...] = ()

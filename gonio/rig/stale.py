@@ -39,6 +39,10 @@ PARTS: dict[str, Any] = {
 def made_for(kind: str, config: RigConfig) -> str:
     """Digest of the parts of a rig that a calibration of this kind hangs on."""
     parts = config.model_dump(mode="json", include=PARTS[kind])
+    if isinstance(parts.get("detector"), dict):  # the same instrument on another port is the same
+        parts["detector"] = {k: v for k, v in parts["detector"].items() if k not in ("port", "boot_s")}
+        if isinstance(instrument := parts["detector"].get("instrument"), dict):
+            parts["detector"]["instrument"] = {k: v for k, v in instrument.items() if k not in ("source", "boot_s")}
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:12]
 
 

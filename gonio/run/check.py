@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from gonio.config.instrument import TextSection
 from gonio.config.material import Material
 from gonio.config.rig import RigConfig
 from gonio.geometry import Array
@@ -120,6 +121,12 @@ def _detector(rig: RigConfig) -> str:
         files = rig.calibration.camera or "as drawn", rig.calibration.frames or "learnt at the start"
         looks = f"camera, {len(c.channels)} channels, {ladder}, a disk of {c.region_mm:g} mm"
         return f"{looks}; optics {files[0]}, frames {files[1]}"
+    if isinstance(rig.detector, TextSection):
+        i, n = rig.detector.instrument, rig.detector.channels
+        ranges = f"{len(i.ranges.full_scale) if i.ranges else 1} ranges"
+        return f"{i.name} (text), {ranges}, unit {i.unit}, {n} channel{'s' if n > 1 else ''}, {rig.exposure_s:g} s"
+    if rig.detector != "photodiode":
+        return f"driver {rig.detector_kind}, {rig.exposure_s:g} s"
     average = f", averaged to {p.target_sigma:.2g}, {p.max_readings} readings at most" if p.target_sigma else ""
     return f"photodiode, {p.ranges} ranges of {p.bits} bits, {rig.exposure_s:g} s{average}"
 

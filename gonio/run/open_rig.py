@@ -35,9 +35,10 @@ def open_rig(
     if truth is None:
         raise ConfigError(f"truth: missing; rig {config.name} is simulated and needs a BRDF to show")
     if config.channels not in (None, truth.channels):
-        raise ConfigError(
-            f"camera.channels: rig {config.name} names {config.channels} planes, the truth has {truth.channels}"
-        )
+        has, shows = config.channels, truth.channels
+        if config.detector == "camera":
+            raise ConfigError(f"camera.channels: rig {config.name} names {has} planes, the truth has {shows}")
+        raise ConfigError(f"detector: rig {config.name} has {has} channels, the truth has {shows}")
     from sim.sample import Sample
 
     half = np.radians([config.acceptance.light_half_angle_deg, config.acceptance.detector_half_angle_deg])
@@ -80,14 +81,15 @@ def _open_wire(config: RigConfig, sample, seed: int, plan: PlanConfig, isotropic
         frames = _frames(config, emulators, sample, seed) if config.detector == "camera" else None
         announce = lambda number: [each.announce(number) for each in (emulators, frames) if each]
         rig = _family(config, "drivers.rig").assemble(
-            config, emulators.devices, plan, isotropic, emulators.clock,
-            simulated=True, announce=announce, make=WireRig, frames=frames, even=frames.even if frames else None,
+            emulators.config, emulators.devices, plan, isotropic, emulators.clock,
+            simulated=True, announce=announce, rig_of=WireRig, frames=frames, even=frames.even if frames else None,
         )  # fmt: skip
     except BaseException:
         emulators.close()
         raise
     rig.emulators = emulators
-    rig.stage.poll_s = min(rig.stage.poll_s, LONGEST_POLL_S)
+    if (poll_s := getattr(rig.stage, "poll_s", None)) is not None:
+        rig.stage.poll_s = min(poll_s, LONGEST_POLL_S)
     return rig
 
 
@@ -95,12 +97,7 @@ def _frames(config: RigConfig, emulators, sample, seed: int):
     """A camera has no bytes to emulate: its frames are made, of where the emulated servos are."""
     from sim.lit_patch import frames_of
 
-    ids = emulators.devices.stage.ids
-
-    def pose():
-        with emulators.server.lock:
-            return np.radians([emulators.servos[ids[name]].true_angle_deg() for name in config.axis_names])
-
+    pose = lambda: np.radians(emulators.angles_deg())
     return frames_of(config, sample, pose, emulators.light.lamp, emulators.clock, seed)
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from gonio.brdf import Brdf
 from gonio.config import ConfigError, Material
 from gonio.config.fit import refuse_misfit
+from gonio.config.plugins import DeviceSection, names
 from gonio.config.rig import RigConfig
 from gonio.mcmc import make_sampler
 from gonio.rig.build import (
@@ -76,9 +77,17 @@ def new_name() -> str:
 
 def _refuse_missing_devices(rig: RigConfig) -> None:
     """Raises ConfigError where a real rig names no port for a device that it cannot do without."""
+    detector = rig.detector
+    for key, section in (
+        ("detector", detector),
+        ("devices.stage", rig.devices.stage),
+        ("devices.light", rig.devices.light),
+    ):
+        if isinstance(section, DeviceSection) and not section.known:
+            known = ", ".join(names(section.group))
+            raise ConfigError(f"{key}.driver: {section.driver} is not installed; there is {known}")
     if rig.depth != "real":
         return
-    detector = "camera" if rig.detector == "camera" else "photodiode"
-    for name in ("stage", detector):
+    for name in ("stage", *([detector] if isinstance(detector, str) else [])):
         if getattr(rig.devices, name) is None:
             raise ConfigError(f"devices.{name}: missing; rig {rig.name} is real, name where it is connected")

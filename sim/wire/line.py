@@ -15,6 +15,9 @@ from typing import Protocol
 
 import numpy as np
 
+TICK_S = 0.003  # between two turns of the loop of a device that sends by itself
+FULL_S = 1.0  # that a host may leave a terminal full; the rest is lost then
+
 
 class Device(Protocol):
     """What sits at the far end of a line. busy_s: machine seconds that it takes for its last answer."""
@@ -113,16 +116,21 @@ class Server(threading.Thread):
         self.start()
 
     def run(self) -> None:
+        talkers = [line for line in self.lines if hasattr(line.device, "tick")]
         while not self._closed:
             self._rounds += 1
             ports = {line.fds[0]: line for line in self.lines if line.fds}
             left = max(0.0, self._late[0][0] - time.monotonic()) if self._late else None
+            if talkers:
+                left = TICK_S if left is None else min(left, TICK_S)
             try:
                 ready = select.select([self._wake[0], *ports], [], [], left)[0]
             except (OSError, ValueError):
                 continue  # unplugged meanwhile
             with self.lock:
                 self._send_late()
+                for line in talkers:
+                    self._talk(line)
                 for fd in ready:
                     if fd == self._wake[0]:
                         os.read(fd, 64)
@@ -156,15 +164,25 @@ class Server(threading.Thread):
             *_, line, packet = heapq.heappop(self._late)
             self._write(line, packet)
 
+    def _talk(self, line: Line) -> None:
+        """One turn of the loop of a device that sends by itself; what the terminal does not hold is lost."""
+        if line.fds:
+            with contextlib.suppress(OSError):
+                os.write(line.fds[0], line.device.tick())  # type: ignore[attr-defined]
+
     def say(self, line: Line, text: bytes) -> None:
         """What a device says without being asked."""
         with self.lock:
             self._write(line, text)
 
     def _write(self, line: Line, packet: bytes) -> None:
-        if line.fds and packet:
-            with contextlib.suppress(OSError):
-                os.write(line.fds[0], packet)
+        with contextlib.suppress(OSError):
+            while line.fds and packet:
+                try:
+                    packet = packet[os.write(line.fds[0], packet) :]
+                except BlockingIOError:  # the terminal is full: as soon as the host has read
+                    if not select.select([], [line.fds[0]], [], FULL_S)[1]:
+                        return
 
     def unplug(self, line: Line) -> None:
         """Gone when this returns: a pseudo-terminal that is still waited on would live a little longer."""

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gonio.config.rig import PhotodiodeConfig
+from gonio.config.detectors import PhotodiodeConfig
 from gonio.geometry import Array
 from gonio.rig.clock import ScaledClock
 from sim.noise import PHOTODIODE, generator

@@ -9,7 +9,8 @@ from drivers.doctor import doctor
 from drivers.latency import too_slow
 from gonio.brdf.models.lambert import Lambert
 from gonio.config import load_config
-from gonio.config.rig import CameraDeviceConfig, DevicesConfig, RigConfig
+from gonio.config.devices import CameraDeviceConfig, DevicesConfig
+from gonio.config.rig import RigConfig
 from gonio.run.open_rig import open_rig
 from sim.camera import SimFrames
 from sim.sample import Sample

@@ -8,7 +8,7 @@ import pytest
 from drivers.camera import Camera
 from drivers.v4l2 import V4l2Source
 from gonio.config.detectors import CameraConfig
-from gonio.config.rig import CameraDeviceConfig
+from gonio.config.devices import CameraDeviceConfig
 from gonio.rig.errors import DeviceFault
 
 cv2 = pytest.importorskip("cv2")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from brdf.halfsquare import sample_p_value
 
+from gonio import load_brdf
 from gonio.brdf import Ggx, Lambert, Mixture, RglBrdf
 from gonio.brdf.tables.tensor_file import read_tensor_file
 from gonio.evaluate import evaluate
@@ -144,7 +145,17 @@ def test_refuses_and_writes_nothing(tmp_path, value, word):
 
 def test_refuses_wrong_channels(tmp_path):
     with pytest.raises(ExportError, match="channels"):
-        write_bsdf(Lambert(0.5), tmp_path / "x.bsdf")
+        write_bsdf(Lambert([0.5, 0.4]), tmp_path / "x.bsdf")
+    assert not (tmp_path / "x.bsdf").exists()
+
+
+def test_one_channel_is_grey(tmp_path):
+    """All that a detector of one channel knows of colour."""
+    write_bsdf(Lambert([0.5]), tmp_path / "x.bsdf", incidences=4, resolution=8)
+    table = load_brdf(tmp_path / "x.bsdf")
+    up = np.array([[0.0, 0.0, 1.0]])
+    wo = np.array([[0.5, 0.0, np.sqrt(0.75)]])
+    np.testing.assert_allclose(table.eval(up, wo), np.full((1, 3), 0.5 / np.pi), rtol=1e-2)
 
 
 def test_the_test_of_refusal_would_see_a_table_with_nan():

@@ -8,7 +8,9 @@ import numpy as np
 
 from gonio.brdf.models.lambert import Lambert
 from gonio.config import load_config
-from gonio.config.rig import PhotodiodeConfig, RigConfig, ServoBusConfig
+from gonio.config.detectors import PhotodiodeConfig
+from gonio.config.devices import ServoBusConfig
+from gonio.config.rig import RigConfig
 from gonio.rig.calibration import RadiometryCalibration, save_calibration
 from sim.sample import Sample
 from sim.wire.rig import Emulators

@@ -8,8 +8,9 @@ import pytest
 
 from gonio.brdf.models.lambert import Lambert
 from gonio.config import load_config
+from gonio.config.devices import ServoBusConfig
 from gonio.config.plan import PlanConfig
-from gonio.config.rig import RigConfig, ServoBusConfig
+from gonio.config.rig import RigConfig
 from gonio.geometry import from_angles
 from gonio.rig.clock import ScaledClock
 from gonio.rig.errors import DeviceFault, SafetyStop

@@ -12,7 +12,7 @@ from gonio.bench.peers.session import Session, visible
 from gonio.brdf import Brdf, RglBrdf
 from gonio.brdf.tables.warp import Warp
 from gonio.export.profile import projected_area
-from gonio.geometry import Array, from_angles, reflect, unit
+from gonio.geometry import Array, from_angles, from_half_diff, reflect, unit
 
 THETA_I = np.radians([0.0, 29.617508, 42.529285, 52.93749, 62.232117, 71.023346, 79.7585, 89.99999])
 COLUMNS, ROWS = 128, 65  # of the tables of D and of the warp
@@ -22,8 +22,7 @@ ITERATIONS = 24
 def look(session: Session, n: int, rng: np.random.Generator) -> None:
     retro = max(8, min(90, n // 24))
     theta = np.pi / 2 * ((np.arange(retro) + 0.5) / retro) ** 2  # close together where lobes are
-    wi = from_angles(theta, 0 * theta)
-    wo = nearest_retro(session, theta)
+    wi, wo = nearest_retro(session, theta)
     keep = visible(session, wi, wo)
     read = session(wi[keep], wo[keep])
     plan = Adaptive(theta[keep], np.maximum(read.f.mean(1), 0))
@@ -45,17 +44,17 @@ def own(session: Session) -> Brdf:
     return session.notes["rgl"].table()
 
 
-def nearest_retro(session: Session, theta: Array) -> Array:
-    """wo (N, 3) as near to wi, of elevations theta, as the rig reaches, away along the azimuth."""
-    wi = from_angles(theta, 0 * theta)
-    wo, found = wi.copy(), np.zeros(len(wi), bool)
-    for apart in np.radians(np.arange(0, 15, 0.5)):
-        # an angle `apart` between two directions of one elevation
-        phi = 2 * np.arcsin(np.minimum(np.sin(apart / 2) / np.maximum(np.sin(theta), 1e-9), 1))
-        there = from_angles(theta, phi)
-        take = ~found & visible(session, wi, there)
-        wo[take], found = there[take], found | take
-    return wo
+def nearest_retro(session: Session, theta: Array) -> tuple[Array, Array]:
+    """wi, wo (N, 3) about half vectors of elevations theta, as near to each other as the rig reaches: apart across the
+    plane of theta, so that both have about its elevation."""
+    found = np.zeros(len(theta), bool)
+    wi = wo = from_angles(theta, 0 * theta)
+    for apart in np.radians(np.arange(0, 12, 0.25)):
+        pair = from_half_diff(theta, 0 * theta, np.full(len(theta), apart / 2), np.full(len(theta), np.pi / 2))
+        take = ~found & visible(session, *pair)
+        wi, wo = (np.where(take[:, None], new, old) for new, old in zip(pair, (wi, wo)))
+        found |= take
+    return wi, wo
 
 
 class Adaptive:

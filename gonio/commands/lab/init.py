@@ -86,7 +86,7 @@ def material(
 def _found(ports: list[str], all_of_them: bool, look: bool, taken: set[str | None]):
     if not look:
         return None
-    from drivers.finding import find, ports_by_id
+    from drivers.ports.finding import find, ports_by_id
 
     ports = [p for p in ports_by_id() if p not in taken] if all_of_them else ports
     return find(ports, lambda line: typer.echo(f"port  {line}")) if ports else None

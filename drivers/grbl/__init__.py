@@ -1,0 +1,1 @@
+"""Stepper controllers that run Grbl 1.1, FluidNC or grblHAL, over a serial port."""

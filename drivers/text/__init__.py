@@ -1,0 +1,1 @@
+"""Instruments that speak plain text, by their description in YAML."""
