@@ -12,13 +12,14 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MPLCONFIGDIR := $(abspath $(VENV))/matplotlib
 
-.PHONY: help demo test test-all bench-quick lint clean
+.PHONY: help demo test test-all bench-quick lint docs clean
 help:
 	@echo "make demo   measure chm_orange on a simulated rig: BRDF, .bsdf and report in $(RUN)"
 	@echo "make test   the test suite without its slow tests"
 	@echo "make test-all   the whole test suite"
 	@echo "make bench-quick   warn of what became slow (1 min)"
 	@echo "make lint   ruff, types, import directions"
+	@echo "make docs   the docs as a site in runs/site; a warning is an error"
 
 $(VENV)/base: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -52,6 +53,9 @@ lint: $(VENV)/all
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python tests/imports.py
+
+docs: $(VENV)/all
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict -q -f .ci/mkdocs.yml
 
 clean:
 	rm -rf $(VENV) runs/demo

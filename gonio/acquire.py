@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gonio.config.material import Material
-from gonio.mcmc import Batch, Sampler
+from gonio.mcmc import Batch
+from gonio.mcmc.ask_tell import AskTell
 from gonio.rig.devices import Rig, Visited
 from gonio.rig.errors import DeviceFault
 from gonio.run.record.replay import replay
@@ -27,6 +28,7 @@ class Progress:
     measured_before: int = 0
     budget: int | None = None
     energy_error: float | None = None
+    seen: Visited | None = None  # the measurements just made
 
     @property
     def acceptance(self) -> float:
@@ -47,7 +49,7 @@ class Interrupted(Exception):
 
 
 def acquire(
-    sampler: Sampler,
+    sampler: AskTell,
     rig: Rig,
     store: Store,
     material: Material,
@@ -103,10 +105,11 @@ def _store(store: Store, rig: Rig, seen: Visited, asked) -> None:
     store.add(seen.ids, asked, directions, seen.f, seen.sigma, seen.saturated, seen.raw, seen.rig_s)
 
 
-def _count(progress: Progress, store: Store, sampler: Sampler, seen: Visited) -> None:
+def _count(progress: Progress, store: Store, sampler: AskTell, seen: Visited) -> None:
     steps = sampler.take_steps()
     store.add_steps(steps)
     _count_steps(progress, steps)
+    progress.seen = seen
     progress.measured += len(seen.ids)
     progress.rig_s += float(seen.rig_s.sum())
 

@@ -11,20 +11,23 @@ import typer
 
 from gonio.commands import acquisition, budget, importing, instrument, materials, owner, products, rig, scene, studies
 from gonio.commands.calibrate import app as calibrate
+from gonio.commands.lab import init, queue, scan
 
 app = typer.Typer(
     name="gonio",
     help="A Markov chain decides where to look, a rig looks there, and what it saw becomes a BRDF for any renderer.",
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for group in (acquisition, importing, products, budget, rig, instrument, owner, scene, studies):
+for group in (acquisition, scan, importing, products, budget, rig, instrument, owner, scene, studies):
     group.register(app)
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(materials.app, name="materials")
+app.add_typer(init.app, name="init")
+app.add_typer(queue.app, name="queue")
 
 
 def _version(wanted: bool) -> None:

@@ -15,7 +15,7 @@ FOLDERS = ("gonio", "drivers", "sim", "calibration")
 HOUSE = [
     {"gonio.cli"},
     {"gonio.commands"},
-    {"gonio.daemon", "gonio.bench"},
+    {"gonio.daemon", "gonio.bench", "gonio.api"},
     {"gonio.importing"},
     {"gonio.run"},
     {"gonio.budget"},

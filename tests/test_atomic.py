@@ -29,6 +29,7 @@ from gonio.render.beside import render_beside
 from gonio.rig.calibration import GeometryCalibration, save_calibration
 from gonio.rig.signal.frames import Frames
 from gonio.run import products
+from gonio.run.exports import export_run
 from gonio.run.record.config import read_config, write_config
 from gonio.run.start import start
 from tests.conftest import ROOT
@@ -71,12 +72,12 @@ PRODUCTS = {
     "config.yaml": lambda run: write_config(run, read_config(run)),
     "brdf.npz": products.make_brdf,
     "report.html": products.make_report,
-    "brdf.bsdf": lambda run: products.export_run(run, "bsdf"),
-    "brdf.binary": lambda run: products.export_run(run, "merl"),
-    "grid.npz": lambda run: products.export_run(run, "grid"),
-    "samples.csv": lambda run: products.export_run(run, "csv"),
-    "samples.parquet": lambda run: products.export_run(run, "parquet"),
-    "chains.nc": lambda run: products.export_run(run, "netcdf"),
+    "brdf.bsdf": lambda run: export_run(run, "bsdf"),
+    "brdf.binary": lambda run: export_run(run, "merl"),
+    "grid.npz": lambda run: export_run(run, "grid"),
+    "samples.csv": lambda run: export_run(run, "csv"),
+    "samples.parquet": lambda run: export_run(run, "parquet"),
+    "chains.nc": lambda run: export_run(run, "netcdf"),
     "figures/figure_5_1.png": lambda run: products.make_figures(run, "5.1"),
 }
 

@@ -123,6 +123,30 @@ def test_the_wheel_holds_what_the_source_tree_holds(installed):
     assert not missing
 
 
+def test_the_first_files_are_written_and_load(installed):
+    gonio(installed, "init", "material", "mine", "--truth", "analytic_gloss", "--force")
+    assert "material       mine" in gonio(installed, "check", "mine.yaml", "--rig", "ideal")
+    gonio(installed, "init", "rig", "mine_rig", "--no-look", "--force")
+    assert (installed[1] / "mine_rig.yaml").read_text().startswith("# Rig mine_rig")
+
+
+def test_python_from_the_wheel(installed):
+    """A script measures a function of its own; a type checker finds the names."""
+    site, empty = installed
+    code = (
+        "import gonio, numpy as np\n"
+        "with gonio.open_rig('ideal', truth=lambda wi, wo: 0.3 + 0 * wi[:, :1]) as rig:\n"
+        "    keys = {'channels': ['L'], 'budget': {'measurements': 30}}\n"
+        "    run = gonio.acquire(gonio.Material(name='grey', **keys), rig, 'grey')\n"
+        "print(gonio.__file__, len(run.samples), np.ptp(run.samples.f))"
+    )
+    env = {**os.environ, "PYTHONPATH": str(site), "OMP_NUM_THREADS": "1"}
+    said = subprocess.run([sys.executable, "-c", code], cwd=empty, env=env, capture_output=True, text=True, timeout=300)
+    assert said.returncode == 0, said.stderr
+    assert said.stdout.split() == [str(site / "gonio" / "__init__.py"), "30", "0.0"]
+    assert (site / "gonio" / "__init__.pyi").is_file()
+
+
 @pytest.mark.slow
 def test_a_run_from_the_wheel(installed):
     """Measured, reconstructed, exported; the flow's weights and the daemon's page are there too."""

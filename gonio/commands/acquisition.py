@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from gonio.commands import as_json
+
 Config = Annotated[str, typer.Argument(help="a material's YAML, or the name of one that ships")]
 RigOption = Annotated[str, typer.Option("--rig", help="a rig's YAML, or the name of one that ships")]
 SetOption = Annotated[
@@ -41,15 +43,15 @@ def acquire(
     from gonio.run.start import start
 
     set_ = [*set_, *["rig.calibration.allow_stale=true"] * allow_stale]
-    material, rig_config = _configs(config, rig, set_, seed)
+    material, rig_config = configs(config, rig, set_, seed)
     if (client := through.daemon_of(rig_config.name, daemon)) is not None:
         through.refuse_rig_keys(set_)
-        _products(through.acquire(client, material, out), post)
+        products_of(through.acquire(client, material, out), post)
         return
     with hold_hardware(rig_config):
         run = start(material, rig_config, out)
         typer.echo(f"run   {run.store.folder}")
-        _drive(run, post)
+        drive(run, post)
 
 
 def resume(
@@ -67,10 +69,10 @@ def resume(
 
     rig_config = read_config(run).rig
     if (client := through.daemon_of(rig_config.name, daemon)) is not None:
-        _products(through.resume(client, run, set_), post)
+        products_of(through.resume(client, run, set_), post)
         return
     with hold_hardware(rig_config):
-        _drive(reopen(run, tuple(set_), allow_stale=allow_stale), post)
+        drive(reopen(run, tuple(set_), allow_stale=allow_stale), post)
 
 
 def check(
@@ -79,6 +81,7 @@ def check(
     seed: Annotated[int | None, typer.Option()] = None,
     set_: SetOption = [],  # noqa: B006
     out: Annotated[Path | None, typer.Option(help="the run folder that is to be made")] = None,
+    json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
     daemon: DaemonOption = None,
 ) -> None:
     """Read a config and all it names, and print what it would do: reachable share, estimated rig time. No hardware.
@@ -88,22 +91,23 @@ def check(
     from gonio.commands import through
     from gonio.daemon.client import Refused
     from gonio.daemon.sockets import hold_hardware
-    from gonio.run.check import plan_text
+    from gonio.run.check import plan_of
 
-    material, rig_config = _configs(config, rig, set_, seed)
+    material, rig_config = configs(config, rig, set_, seed)
     if (client := through.daemon_of(rig_config.name, daemon)) is not None:
         through.refuse_rig_keys(set_)
-        plan, busy = through.check(client, material, out)
-        typer.echo(plan)
-        if busy:
-            raise Refused(busy, 2)
+        found = through.check(client, material, out)
+        as_json.say(found["figures"]) if json else typer.echo(found["plan"])
+        if found["busy"]:
+            raise Refused(found["busy"], 2)
         return
-    typer.echo(plan_text(material, rig_config, out))
+    plan = plan_of(material, rig_config, out)
+    as_json.say(plan.figures) if json else typer.echo(plan.text)
     with hold_hardware(rig_config):
         pass
 
 
-def _configs(config: str, rig: str, overrides: list[str], seed: int | None):
+def configs(config: str, rig: str, overrides: list[str], seed: int | None):
     from gonio.config import Material, load_config
     from gonio.config.find import find_config
     from gonio.config.rig import RigConfig
@@ -116,7 +120,7 @@ def _configs(config: str, rig: str, overrides: list[str], seed: int | None):
     return material, load_config(find_config(rig, "rigs"), RigConfig, theirs)
 
 
-def _drive(run, post: bool) -> None:
+def drive(run, post: bool) -> None:
     from gonio.commands.interrupt import Interrupt
     from gonio.commands.progress import ProgressLine
 
@@ -136,10 +140,10 @@ def _drive(run, post: bool) -> None:
     finally:
         run.close()
     typer.echo(f"ended {reason}")
-    _products(run.store.folder, post)
+    products_of(run.store.folder, post)
 
 
-def _products(folder: Path, post: bool) -> None:
+def products_of(folder: Path, post: bool) -> None:
     if post:
         from gonio.run.products import make_products
 

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from gonio.commands import as_json
+
 
 def register(app: typer.Typer) -> None:
     app.command()(budget)
@@ -23,9 +25,7 @@ def budget(
 
     found = make_budget(run, None if not theta_i else tuple(theta_i))
     if json:
-        import json as js
-
-        typer.echo(js.dumps(found))
+        as_json.say(found)
         return
     from rich.console import Console
     from rich.table import Table

@@ -5,19 +5,26 @@ from typing import Annotated
 
 import typer
 
+from gonio.commands import as_json
+
 app = typer.Typer(help="List, find and fetch materials that a simulated rig can show.", rich_markup_mode=None)
 
 
 @app.callback(invoke_without_command=True)
-def main(context: typer.Context) -> None:
+def main(context: typer.Context, json: Annotated[bool, typer.Option("--json", help="print JSON")] = False) -> None:
     if context.invoked_subcommand is None:
         from gonio.brdf.library import available, fetchable
 
-        here = available()
-        for found in here:
-            typer.echo(f"{found.name:24} {found.origin}{_invalid(found.path)}")
-        names = {found.name for found in here if found.origin.startswith("measured")}
+        here = [
+            {"name": m.name, "origin": m.origin, "path": str(m.path), "note": _invalid(m.path)} for m in available()
+        ]
+        names = {m["name"] for m in here if m["origin"].startswith("measured")}
         more = [name for name in fetchable() if name not in names]
+        if json:
+            as_json.say({"materials": here, "fetchable": more})
+            return
+        for m in here:
+            typer.echo(f"{m['name']:24} {m['origin']}{': ' if m['note'] else ''}{m['note']}")
         if more:
             typer.echo(f"\n`gonio materials fetch NAME` gets: {', '.join(more)}")
 
@@ -33,8 +40,8 @@ def _invalid(path: Path) -> str:
         with open(path, "rb") as stream:
             invalid = int((read_merl(stream, str(path)) < 0).sum())
     except (OSError, BrdfFileError) as e:
-        return f": {e}"
-    return f": {invalid} entries not measured, filled from their neighbours" if invalid else ""
+        return str(e)
+    return f"{invalid} entries not measured, filled from their neighbours" if invalid else ""
 
 
 @app.command()

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from gonio.commands import as_json
 from gonio.commands.rig import RigOption, rig_config
 
 Which = Annotated[str | None, typer.Option("--rig", help="the rig's name [default: the only one that is driven]")]
@@ -52,9 +53,7 @@ def status(
 
     state = the_one(rig).state()
     if json:
-        import json as js
-
-        typer.echo(js.dumps(state))
+        as_json.say(state)
     else:
         typer.echo(text_of(state))
 

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from gonio.commands import as_json
+
 RunFolder = Annotated[Path, typer.Argument(help="a run folder")]
 
 
@@ -35,9 +37,7 @@ def evaluate(
     figures = evaluate_run(run, truth)
     albedo = albedo_of_run(run)
     if json:
-        import json as js
-
-        typer.echo(js.dumps(figures | albedo.to_json()))
+        as_json.say(figures | albedo.to_json())
         return
     typer.echo("  ".join(f"{k} {v:.4f}" for k, v in figures.items()))
     for name, values in albedo.rows().items():
@@ -51,7 +51,7 @@ def export(
         typer.Option(
             "--format",
             help="bsdf, merl, grid, mountain, zemax, astm, xml or klems (Radiance), gltf, materialx; of the samples "
-            "csv, parquet, netcdf, json (BRDF-JSON), nexus",
+            "csv, parquet, netcdf, events, json (BRDF-JSON), nexus",
         ),
     ] = "bsdf",
     out: Annotated[Path | None, typer.Option(help="the file (or folder) to write [default: in the run]")] = None,
@@ -63,7 +63,7 @@ def export(
     import warnings
 
     from gonio.export import ExportWarning
-    from gonio.run.products import export_run
+    from gonio.run.exports import export_run
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ExportWarning)

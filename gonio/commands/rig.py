@@ -4,6 +4,8 @@ from typing import Annotated, Any
 
 import typer
 
+from gonio.commands import as_json
+
 RigOption = Annotated[str, typer.Option("--rig", help="a rig's YAML, or the name of one that ships")]
 Theta = Annotated[float, typer.Argument(min=0, max=89.999, help="degrees from the normal")]
 Phi = Annotated[float, typer.Option(min=-360, max=360, help="degrees of azimuth")]
@@ -19,6 +21,7 @@ def doctor(
     reboot: Annotated[
         str | None, typer.Option(metavar="AXIS", help="first restart this servo; its arm may sag: hold it")
     ] = None,
+    json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
     """Find, name and test the rig's devices; say what is missing and what to do. Exits with 3 where something is."""
     from gonio.daemon.sockets import hold_hardware
@@ -28,8 +31,10 @@ def doctor(
         if reboot is not None:
             _reboot(config, reboot)
         lines = _doctor(config)
-        for line in lines:
-            typer.echo(line)
+    if json:
+        as_json.say(_findings(config, lines))
+    else:
+        typer.echo("\n".join(lines))
     if any(line.startswith("FAIL") for line in lines):
         raise typer.Exit(3)
 
@@ -69,9 +74,7 @@ def measure(
     angles = {"theta_i_deg": theta_i, "phi_i_deg": phi_i, "theta_o_deg": theta_o, "phi_o_deg": phi_o}
     found = _by_hand(rig, "measure", {**angles, "truth": truth})
     if json:
-        import json as js
-
-        typer.echo(js.dumps(found))
+        as_json.say(found)
         return
     if "f" not in found:
         raise KeyboardInterrupt
@@ -125,6 +128,17 @@ def _reboot(config, axis: str) -> None:
     from drivers.rig import reboot
 
     reboot(config, axis)
+
+
+def _findings(config, lines: list[str]) -> dict[str, Any]:
+    """Each line apart: level ok, warn, FAIL, or note for what is no check."""
+    rows = []
+    for line in lines:
+        level, _, text = line.partition(" ")
+        known = level in ("ok", "warn", "FAIL")
+        rows.append({"level": level if known else "note", "text": " ".join((text if known else line).split())})
+    well = not any(row["level"] == "FAIL" for row in rows)
+    return {"rig": config.name, "depth": config.depth, "well": well, "findings": rows}
 
 
 def _doctor(config) -> list[str]:

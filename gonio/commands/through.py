@@ -7,6 +7,7 @@ from typing import Any
 import typer
 
 from gonio.config import ConfigError, Material
+from gonio.config.scan import Scan
 
 
 def daemon_of(rig: str, wanted: bool | None):
@@ -24,26 +25,36 @@ def refuse_rig_keys(overrides: list[str]) -> None:
         raise ConfigError(f"--set {theirs[0]}: the daemon has its own rig config; end it first, or use --no-daemon")
 
 
-def check(client, material: Material, out: Path | None) -> tuple[str, str]:
-    """What the daemon would do with the material; and what it does now, "" where a run could begin."""
-    found = client.post("/check", _body(client, material, out))
-    return found["plan"], found["busy"]
+def check(client, material: Material, out: Path | None) -> dict[str, Any]:
+    """`plan`, what the daemon would do with the material, its `figures`; `busy`, what it does now, "" for nothing."""
+    return client.post("/check", _body(client, material, out))
 
 
-def acquire(client, material: Material, out: Path | None) -> Path:
+def acquire(client, material: Material, out: Path | None, scan: Scan | None = None) -> Path:
     """The finished run's folder."""
-    return _watch(client, client.post("/jobs/acquire", _body(client, material, out))["job"])
+    body = _body(client, material, out)
+    if scan is not None:
+        body["scan"] = scan.model_dump(mode="json")
+    return _watch(client, client.post("/jobs/acquire", body)["job"])
 
 
 def _body(client, material: Material, out: Path | None) -> dict[str, Any]:
     runs = Path(client.state()["runs"])
-    body: dict[str, Any] = {"material": material.model_dump(mode="json")}
-    if (flow := body["material"]["sampler"]["flow"])["weights"] is not None:
-        flow["weights"] = str(Path(flow["weights"]).resolve())  # the daemon stands in another folder
+    body: dict[str, Any] = {"material": material_body(material)}
     if out is not None:
         from gonio.daemon.request_paths import relative
 
         body["run"] = relative(runs, out)
+    return body
+
+
+def material_body(material: Material) -> dict[str, Any]:
+    """As a request holds it."""
+    body = material.model_dump(mode="json")
+    if (flow := body["sampler"]["flow"])["weights"] is not None:
+        flow["weights"] = str(Path(flow["weights"]).resolve())  # the daemon stands in another folder
+    if (target := body["sampler"]["target"])["scene"] is not None:
+        target["scene"] = str(Path(target["scene"]).resolve())
     return body
 
 

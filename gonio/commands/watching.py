@@ -13,6 +13,8 @@ def text_of(state: dict[str, Any]) -> str:
     lines = [f"rig      {rig['name']} ({rig['depth']})   {state['state']}"]
     if job is not None:
         lines += _job(job)
+    if (queue := state.get("queue")) and (queue["active"] or queue["waiting"]):
+        lines.append(f"queue    {queue['waiting']} waiting{'' if queue['active'] else '; `gonio queue run` begins'}")
     if state["pose_deg"]:
         lines.append("pose     " + "  ".join(f"{k} {v:.2f}" for k, v in state["pose_deg"].items()) + "  degrees")
     for d in state["devices"]:
@@ -22,6 +24,8 @@ def text_of(state: dict[str, Any]) -> str:
 
 def _job(job: dict[str, Any]) -> list[str]:
     lines = [f"job      {job['id']}: {job['kind']} {job.get('material', '')}".rstrip()]
+    if job.get("asks"):
+        lines.append(f"put in   {job['asks']}, then `gonio queue ready`")
     if "run" in job:
         lines.append(f"run      {job['run']}")
     if (p := job.get("progress")) is not None:

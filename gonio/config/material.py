@@ -125,6 +125,12 @@ class Material(Section):
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")
     symmetry: Literal["isotropic", "anisotropic"] = "isotropic"
     channels: tuple[str, ...] = Field(("R", "G", "B"), min_length=1, max_length=512)
+    sample_id: str | None = Field(None, max_length=200, description="what the sample's label says")
+    operator: str | None = Field(None, max_length=200, description="who measures")
+    notes: str | None = Field(None, max_length=10_000, description="anything worth knowing")
+    metadata: dict[str, str | int | float | bool] = Field(
+        default_factory=dict, max_length=200, description="keys of your own; kept in the run and in its exports"
+    )
     truth: str | None = Field(None, description="the BRDF a simulated rig shows; a real rig refuses it")
     seed: int = Field(0, ge=0, le=2**63 - 1)
     sampler: SamplerConfig = SamplerConfig()
@@ -147,6 +153,14 @@ class Material(Section):
     def _count_of_channels(cls, v: Any) -> Any:
         if isinstance(v, int) and not isinstance(v, bool) and 1 <= v <= 512:
             return ("R", "G", "B") if v == 3 else tuple(f"c{i}" for i in range(v))
+        return v
+
+    @field_validator("metadata")
+    @classmethod
+    def _short(cls, v: dict[str, Any]) -> dict[str, Any]:
+        for key, value in v.items():
+            if not 1 <= len(key) <= 100 or len(str(value)) > 10_000:
+                raise ValueError(f"{key[:20]!r}: keys have 1 to 100 characters, values 10,000 at most")
         return v
 
     @model_validator(mode="after")

@@ -2,7 +2,7 @@
 
 YAML 1.1 reads 007 as 7, 010 as 8, 1:30 as 90, 450 as a number, `no` as false, `null` as nothing and 1e4 as text. A key
 that can only be text takes the scalar as it is written; one that can only be a number takes 1e4 as 10000, 010 as 10 and
-refuses 1:30.
+refuses 1:30. One that may be either (`metadata`) takes a number only where it is written as anybody would write it.
 """
 
 import re
@@ -15,6 +15,7 @@ import yaml
 from pydantic import BaseModel
 
 EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d{1,3}")
+DECIMAL = re.compile(r"[-+]?(0|[1-9]\d*)?\.\d+([eE][-+]?\d{1,3})?|[-+]?\d+\.([eE][-+]?\d{1,3})?")
 OCTAL = re.compile(r"[-+]?0\d+")
 
 
@@ -33,6 +34,8 @@ def as_keys_want(data: Any, node: yaml.Node | None, *wanted: Any) -> Any:
     if data is None and (type(None) in options or node.value in ("", "~")):
         return data
     leaves = {o for o in options if o is not type(None)}
+    if leaves >= {str, int, float, bool}:
+        return data if data is None else _as_written(data, node.value)
     if leaves and all(o in (str, Path) or _is_literal_text(o) for o in leaves):
         return node.value
     if int in leaves and str not in leaves and EXPONENT.fullmatch(node.value):
@@ -44,6 +47,15 @@ def as_keys_want(data: Any, node: yaml.Node | None, *wanted: Any) -> Any:
         if ":" in node.value:  # in base sixty, to YAML alone
             return node.value
     return data
+
+
+def _as_written(data: Any, written: str) -> Any:
+    """The number or truth value that anybody would read, else text: 007, 1:30, 1e4, `no` and 1_000 are text."""
+    if isinstance(data, bool):
+        return data if written in ("true", "false") else written
+    if isinstance(data, int) and str(data) == written:
+        return data
+    return float(written) if DECIMAL.fullmatch(written) else written
 
 
 def _options(annotation: Any) -> list[Any]:

@@ -38,7 +38,10 @@ class Client:
         )
 
     def state(self) -> dict[str, Any]:
-        return self._ask("GET", "/state")
+        return self.get("/state")
+
+    def get(self, path: str) -> dict[str, Any]:
+        return self._ask("GET", path)
 
     def post(self, path: str, body: dict[str, Any] | None = None) -> dict[str, Any]:
         """Raises Refused, Gone."""

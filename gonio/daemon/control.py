@@ -116,6 +116,18 @@ class Control:
 
     # ---- called by jobs, in the control thread ---------------------------------------------------------------------
 
+    def ask(self, what: str) -> None:
+        """Holds here until `go_on`: the operator puts `what` in. Raises Interrupted for a stop."""
+        self._go_on.clear()
+        if not self.stopped:
+            self.board.job(asks=what)
+            self.board.write(state="paused")
+            self._go_on.wait()
+        self.board.job(asks="")
+        if self.stopped:
+            raise Interrupted
+        self.board.write(state="running")
+
     def safe_point(self) -> None:
         """Holds here while paused."""
         if not self._go_on.is_set():

@@ -8,6 +8,7 @@ from typing import Any
 
 from gonio.acquire import Progress
 from gonio.config import Material
+from gonio.config.scan import Scan
 from gonio.daemon.control import Control, Work
 from gonio.daemon.estimates import Estimator
 from gonio.daemon.rig_owner import RigOwner
@@ -17,14 +18,16 @@ from gonio.run.start import Run, resume, start
 SHOWN_S = 0.05  # between two looks at the progress
 
 
-def acquire(control: Control, material: Material, folder: Path | None) -> tuple[Work, dict[str, Any]]:
-    """A new run. Raises ConfigError, StoreError, BrdfFileError."""
-    return _drive(control, start(material, control.config, folder))
+def acquire(
+    control: Control, material: Material, folder: Path | None, scan: Scan | None = None
+) -> tuple[Work, dict[str, Any]]:
+    """A new run, of a list of directions where there is one. Raises ConfigError, StoreError, BrdfFileError."""
+    return driven(control, start(material, control.config, folder, scan=scan))
 
 
 def go_on_with(control: Control, folder: Path, overrides: tuple[str, ...] = ()) -> tuple[Work, dict[str, Any]]:
     """An interrupted run. Raises ConfigError, StoreError."""
-    return _drive(control, resume(folder, overrides))
+    return driven(control, resume(folder, overrides))
 
 
 def by_hand(act: Callable[..., dict[str, Any]], *args: Any) -> tuple[Work, dict[str, Any]]:
@@ -32,7 +35,8 @@ def by_hand(act: Callable[..., dict[str, Any]], *args: Any) -> tuple[Work, dict[
     return (lambda owner: act(owner, *args)), {}
 
 
-def _drive(control: Control, run: Run) -> tuple[Work, dict[str, Any]]:
+def driven(control: Control, run: Run) -> tuple[Work, dict[str, Any]]:
+    """The job of a run, and what is to be said of it."""
     material = run.config.material
     folder = run.store.folder.resolve()
     board = control.board

@@ -76,6 +76,7 @@ def serve(config: RigConfig, runs: Path, tcp: int | None, say: Callable[[str], N
     needs("fastapi", "daemon")
     needs("uvicorn", "daemon")
     from gonio.daemon.auth import TokenOnly
+    from gonio.daemon.queue.worker import Queue
     from gonio.daemon.server import make_app
 
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
@@ -88,7 +89,9 @@ def serve(config: RigConfig, runs: Path, tcp: int | None, say: Callable[[str], N
             over.set()
 
         before = {s: signal.signal(s, end) for s in (signal.SIGTERM, signal.SIGINT)}
-        app = make_app(control, runs)
+        runs.mkdir(parents=True, exist_ok=True)
+        queue = Queue(control, runs)
+        app = make_app(control, runs, queue)
         served: list[tuple[Any, socket.socket]] = [(app, sockets.listen(path))]
         say(f"rig   {config.name} ({config.depth}) on {path}")
         if tcp is not None:
@@ -96,11 +99,14 @@ def serve(config: RigConfig, runs: Path, tcp: int | None, say: Callable[[str], N
             served.append((TokenOnly(app, token), _loopback(tcp)))
             say(f"page  http://127.0.0.1:{served[1][1].getsockname()[1]}/?token={token}")
         web = Web(served)
+        queue.start()
         try:
             while not over.wait(0.5):
                 web.keep()
         finally:
+            queue.end()
             control.close()
+            queue.close()
             web.close()
             path.unlink(missing_ok=True)
             for s, handler in before.items():

@@ -37,6 +37,12 @@ def weights_file(runs: Path, path: str) -> str:
     return _file_below(runs, "sampler.flow.weights", path, advice)
 
 
+def scene_file(runs: Path, path: str) -> str:
+    """What a picture needs, as it may be opened: a file below `runs`. Raises ConfigError."""
+    advice = f"a daemon reads files in its runs folder; copy it into {runs.resolve()}, or use --no-daemon"
+    return _file_below(runs, "sampler.target.scene", path, advice)
+
+
 def _file_below(runs: Path, key: str, path: str, advice: str) -> str:
     base = os.path.realpath(runs)
     lexical = os.path.normpath(os.path.join(base, path)) if "\0" not in path else ""

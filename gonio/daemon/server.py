@@ -19,10 +19,13 @@ from pydantic import BaseModel, ConfigDict, Field
 
 import gonio
 from gonio.config import ConfigError, Material
+from gonio.config.scan import Scan
 from gonio.daemon import jobs, manual
 from gonio.daemon.control import Busy, Control
-from gonio.daemon.request_paths import RUN, run_folder, truth_name, weights_file
-from gonio.run.check import plan_text
+from gonio.daemon.queue.requests import add_requests
+from gonio.daemon.queue.worker import Queue
+from gonio.daemon.request_paths import RUN, run_folder, scene_file, truth_name, weights_file
+from gonio.run.check import plan_of
 from gonio.run.prepare import new_name
 
 PAGE = {"app.js": "text/javascript", "hemisphere.js": "text/javascript", "style.css": "text/css"}
@@ -45,6 +48,10 @@ class Body(BaseModel):
 class AcquireBody(Body):
     material: Material
     run: str | None = Field(None, pattern=RUN, description="below the runs folder; none = <material>/<stamp>")
+
+
+class RunBody(AcquireBody):
+    scan: Scan | None = Field(None, description="directions to measure in place of the chain's")
 
 
 class ResumeBody(Body):
@@ -76,6 +83,7 @@ class Refused(BaseModel):
 
 class Plan(BaseModel):
     plan: str
+    figures: dict[str, Any] = Field(description="the same as numbers: what `gonio check --json` prints")
     busy: str = Field(description="with what, in words; empty where a run could begin now")
 
 
@@ -83,8 +91,8 @@ class Said(BaseModel):
     done: bool
 
 
-def make_app(control: Control, runs: Path) -> FastAPI:
-    """The app of one rig; run folders are made below `runs`."""
+def make_app(control: Control, runs: Path, queue: Queue | None = None) -> FastAPI:
+    """The app of one rig; run folders are made below `runs`. queue: worked off if it was started."""
     refusals: dict[int | str, dict[str, Any]] = {k: {"model": Refused} for k in (409, 422, 503)}
     app = FastAPI(title="gonio", version=gonio.__version__, docs_url=None, redoc_url=None)
     app.add_exception_handler(RequestValidationError, _invalid)
@@ -109,9 +117,11 @@ def make_app(control: Control, runs: Path) -> FastAPI:
         return {**board.state(), "runs": str(runs.resolve()), "gonio": gonio.__version__}
 
     @app.post("/jobs/acquire", status_code=202, response_model=Accepted, responses=refusals)
-    def acquire(body: AcquireBody) -> Any:
-        """Measure a material. The client has resolved its config."""
-        return submit("acquire", lambda: jobs.acquire(control, *_named(runs, body)))
+    def acquire(body: RunBody) -> Any:
+        """Measure a material, by a chain or a list. The client has resolved its config."""
+        return submit(
+            "acquire" if body.scan is None else "scan", lambda: jobs.acquire(control, *_named(runs, body), body.scan)
+        )
 
     @app.post("/check", response_model=Plan, responses=refusals)
     def check(body: AcquireBody) -> Any:
@@ -119,7 +129,8 @@ def make_app(control: Control, runs: Path) -> FastAPI:
 
         def plan():
             material, folder = _named(runs, body)
-            return {"plan": plan_text(material, control.config, folder), "busy": control.busy()}
+            found = plan_of(material, control.config, folder)
+            return {"plan": found.text, "figures": found.figures, "busy": control.busy()}
 
         return answer(plan)
 
@@ -169,6 +180,8 @@ def make_app(control: Control, runs: Path) -> FastAPI:
         """Motors halt now; what was measured is stored."""
         return {"done": control.stop()}
 
+    add_requests(app, queue or Queue(control, runs), answer, lambda material: _checked(runs, material), refusals)
+
     @app.get("/events", include_in_schema=False)
     async def events(last_event_id: Annotated[str, Header()] = "") -> StreamingResponse:
         """Server-sent events: `state`, and `samples` with those that are new. Never ends."""
@@ -216,14 +229,22 @@ async def _events(control: Control, last_event_id: str) -> AsyncIterator[str]:
 
 def _named(runs: Path, body: AcquireBody) -> tuple[Material, Path]:
     """The material, its files found, and the folder of its run. Raises ConfigError."""
-    material = body.material
+    material = _checked(runs, body.material)
+    return material, run_folder(runs, body.run or f"{material.name}/{new_name()}")
+
+
+def _checked(runs: Path, material: Material) -> Material:
+    """Its files found, if they may be opened. Raises ConfigError."""
     if material.truth is not None:
         material = material.model_copy(update={"truth": truth_name(runs, material.truth)})
     if (weights := material.sampler.flow.weights) is not None:
         flow = material.sampler.flow.model_copy(update={"weights": weights_file(runs, weights)})
         material = material.model_copy(update={"sampler": material.sampler.model_copy(update={"flow": flow})})
+    if (scene := material.sampler.target.scene) is not None:
+        target = material.sampler.target.model_copy(update={"scene": scene_file(runs, scene)})
+        material = material.model_copy(update={"sampler": material.sampler.model_copy(update={"target": target})})
     _must_be_text(material)
-    return material, run_folder(runs, body.run or f"{material.name}/{new_name()}")
+    return material
 
 
 def _must_be_text(material: Material) -> None:

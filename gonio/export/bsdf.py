@@ -19,6 +19,7 @@ from gonio.brdf.tables.tensor_file import write_tensor_file
 from gonio.brdf.tables.warp import Interpolant, Warp
 from gonio.evaluate import evaluate
 from gonio.export import ExportError, checked
+from gonio.export.about import About, lines
 from gonio.export.profile import half_profile, half_width, projected_area, turns
 from gonio.export.spectrum import WAVELENGTHS, upsample
 from gonio.geometry import Array, from_angles, reflect
@@ -43,8 +44,11 @@ def write_bsdf(
     incidences: int | None = None,
     resolution: int | None = None,
     description: str = "gonio",
+    about: About | None = None,
 ) -> None:
     """Write `brdf` to `path`, whole or not at all; rgb (3 channels, or 1 that stands for all) unless `spectral`.
+
+    about: what is known of the sample, added to the description, one line a key.
 
     anisotropic: a table over all azimuths of the light; None = where the BRDF is seen to change with them.
     Spectral files hold the channels at `brdf.wavelengths` (nm) where it has them, else a smooth upsampling of rgb.
@@ -52,6 +56,7 @@ def write_bsdf(
     25 azimuths x 16 incidences of 32 x 32.
     Raises ExportError for a BRDF with NaN, negative values, or the wrong channels.
     """
+    description = "\n".join([description, *lines(about or {})])
     brdf = Grey(brdf) if brdf.channels == 1 and not spectral else brdf
     made = fields(brdf, anisotropic, spectral, incidences, resolution, description)
     if incidences is None and resolution is None and len(made["phi_i"]) == 1 and _error(brdf, made) > ENOUGH:

@@ -12,16 +12,20 @@ from gonio.brdf.models.ndf import GgxNdf
 from gonio.brdf.saved import write_saved
 from gonio.brdf.tables.slices import SlicesBrdf, half_vectors, incidence_grid, pdf_grid
 from gonio.export import checked
+from gonio.export.about import About, lines
 from gonio.export.profile import half_profile, half_width
 from gonio.geometry import from_angles, reflect
 
 INCIDENCES, ROWS, COLUMNS = 64, 65, 128
 
 
-def write_grid(brdf: Brdf, path: str | os.PathLike) -> None:
-    """Write the grids of `brdf` to `path` (.npz), whole or not at all. Raises ExportError (NaN, negative values)."""
+def write_grid(brdf: Brdf, path: str | os.PathLike, about: About | None = None) -> None:
+    """Write the grids of `brdf` to `path` (.npz), whole or not at all. Raises ExportError (NaN, negative values).
+
+    about: what is known of the sample, kept as the array of text `about`, one line a key.
+    """
     grid = to_grid(brdf)
-    write_saved(path, grid.kind, grid.to_arrays())
+    write_saved(path, grid.kind, grid.to_arrays() | {"about": np.array(lines(about or {}), str)})
 
 
 def to_grid(brdf: Brdf) -> SlicesBrdf:

@@ -12,6 +12,7 @@ import numpy as np
 from gonio.atomic import replacing
 from gonio.brdf import Brdf
 from gonio.export import ExportError, checked
+from gonio.export.about import About, lines
 from gonio.export.profile import half_profile, half_width, turns
 from gonio.geometry import Array, from_angles, from_height, reflect
 
@@ -24,11 +25,17 @@ GOLDEN = np.pi * (3 - np.sqrt(5))
 
 
 def write_mountain(
-    brdf: Brdf, folder: str | os.PathLike, theta_i_deg=THETA_I_DEG, name: str = "gonio", phi_i_deg=None
+    brdf: Brdf,
+    folder: str | os.PathLike,
+    theta_i_deg=THETA_I_DEG,
+    name: str = "gonio",
+    phi_i_deg=None,
+    about: About | None = None,
 ) -> list[Path]:
     """Write one text file per incidence into `folder` (made if need be) and give their paths.
 
     phi_i_deg: azimuths of the light; None = 0 alone, or twelve where the BRDF changes as the sample is turned.
+    about: what is known of the sample, in comments of each header.
 
     Raises ExportError for unsorted incidences, or a BRDF with NaN, negative values or other than 1 or 3 channels.
     """
@@ -47,8 +54,10 @@ def write_mountain(
         wo = _directions(wi, width)
         tables.append((wo, checked(brdf, np.broadcast_to(wi, wo.shape), wo) * wo[:, 2:]))
     Path(folder).mkdir(parents=True, exist_ok=True)
+    said = "".join(f"#about {line}\n" for line in lines(about or {}))
     names = [f"{name}_{t:04.1f}" + (f"_{p:03.0f}" if len(phi_i_deg) > 1 else "") for t, p in lights]
-    return [_write(Path(folder), n, name, t, p, *table) for n, (t, p), table in zip(names, lights, tables)]
+    heads = [f'#sample_name "{name}"\n{said}'] * len(lights)
+    return [_write(Path(folder), n, h, t, p, *table) for n, h, (t, p), table in zip(names, heads, lights, tables)]
 
 
 def _directions(wi: Array, width: float) -> Array:
@@ -63,11 +72,11 @@ def _directions(wi: Array, width: float) -> Array:
     return both[both[:, 2] > 1e-4]
 
 
-def _write(folder: Path, file: str, name: str, theta_i: float, phi_i: float, wo: Array, dsf: Array) -> Path:
+def _write(folder: Path, file: str, head: str, theta_i: float, phi_i: float, wo: Array, dsf: Array) -> Path:
     theta = np.degrees(np.arctan2(np.hypot(wo[:, 0], wo[:, 1]), wo[:, 2]))
     phi = np.degrees(np.arctan2(wo[:, 1], wo[:, 0])) % 360
     colours = "CIE-XYZ" if dsf.shape[1] == 3 else "CIE-Y"
-    head = f'#sample_name "{name}"\n#colorimetry: {colours}\n#format: theta phi DSF\n'
+    head += f"#colorimetry: {colours}\n#format: theta phi DSF\n"
     head += "#upphi 90\n"  # Radiance's up is +y, as ours is; without the line it takes +x
     head += f"#intheta {theta_i:.6f}\n#inphi {phi_i:.6f}\n"
     if dsf.shape[1] == 3:

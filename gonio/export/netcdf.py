@@ -7,6 +7,7 @@ import numpy as np
 
 from gonio.atomic import beside
 from gonio.brdf import Brdf
+from gonio.export.about import About
 from gonio.export.extra import needs
 from gonio.export.intervals import Shared, columns
 from gonio.geometry import to_half_diff
@@ -43,16 +44,24 @@ def chain_arrays(store: Store, brdf: Brdf | None = None, shared: Shared | None =
 
 
 def write_netcdf(
-    store: Store, path: str | os.PathLike[str], brdf: Brdf | None = None, shared: Shared | None = None
+    store: Store,
+    path: str | os.PathLike[str],
+    brdf: Brdf | None = None,
+    shared: Shared | None = None,
+    about: About | None = None,
 ) -> Path:
-    """Groups `posterior` (the states) and `sample_stats` (accepted, lp, kind). Raises MissingExtra without h5netcdf."""
+    """Groups `posterior` (the states) and `sample_stats` (accepted, lp, kind); `about` as their attributes.
+
+    Raises MissingExtra without h5netcdf.
+    """
     xarray = needs("xarray", "study")
     needs("h5netcdf", "study")
     arrays = chain_arrays(store, brdf, shared)
     path = Path(path)
     stats = {"accepted": arrays.pop("accepted"), "lp": arrays.pop("log_p"), "kind": arrays.pop("kind")}
+    known = {key: str(value) if isinstance(value, bool) else value for key, value in (about or {}).items()}
     with beside(path) as part:
         for mode, group, columns in (("w", "posterior", arrays), ("a", "sample_stats", stats)):
-            data = xarray.Dataset({k: (("chain", "draw"), v) for k, v in columns.items()})
+            data = xarray.Dataset({k: (("chain", "draw"), v) for k, v in columns.items()}, attrs=known)
             data.to_netcdf(part, mode=mode, group=group, engine="h5netcdf")
     return path

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gonio.atomic import beside
+from gonio.atomic import beside, write_text
 from gonio.brdf import Brdf
+from gonio.export.about import About
 from gonio.export.intervals import Shared, columns
 from gonio.geometry import to_angles
 from gonio.mcmc.proposals import KINDS
@@ -63,10 +64,19 @@ def repeats(chain: NDArray, step: NDArray, accepted: NDArray) -> NDArray[np.int6
 
 
 def write_csv(
-    store: Store, path: str | os.PathLike[str], brdf: Brdf | None = None, shared: Shared | None = None
+    store: Store,
+    path: str | os.PathLike[str],
+    brdf: Brdf | None = None,
+    shared: Shared | None = None,
+    about: About | None = None,
 ) -> Path:
-    """Numbers with 17 digits, so that they read back to the bit; NaN is empty."""
+    """Numbers with 17 digits, so that they read back to the bit; NaN is empty.
+
+    A table of numbers has no place for what is known of the sample: that lies beside it as PATH-metadata.json, where
+    the W3C's "Model for Tabular Data and Metadata on the Web" (section 5.2) looks for it; none where nothing is known.
+    """
     import csv
+    import json
 
     table = step_table(store, brdf, shared)
     path = Path(path)
@@ -75,20 +85,29 @@ def write_csv(
         writer = csv.writer(out)
         writer.writerow(table)
         writer.writerows(zip(*texts))
+    if about and set(about) != {"name"}:
+        said = {"@context": "http://www.w3.org/ns/csvw", "url": path.name, "notes": [dict(about)]}
+        write_text(path.with_name(f"{path.name}-metadata.json"), json.dumps(said, ensure_ascii=False, indent=1))
     return path
 
 
 def write_parquet(
-    store: Store, path: str | os.PathLike[str], brdf: Brdf | None = None, shared: Shared | None = None
+    store: Store,
+    path: str | os.PathLike[str],
+    brdf: Brdf | None = None,
+    shared: Shared | None = None,
+    about: About | None = None,
 ) -> Path:
-    """The same table in Parquet. Raises MissingExtra where pyarrow is not installed."""
+    """The same table in Parquet, with `about` in its schema's metadata. Raises MissingExtra without pyarrow."""
     from gonio.export.extra import needs
 
     pyarrow = needs("pyarrow", "study")
     parquet = needs("pyarrow.parquet", "study")
     path = Path(path)
     with beside(path) as part:
-        parquet.write_table(pyarrow.table(step_table(store, brdf, shared)), part)
+        table = pyarrow.table(step_table(store, brdf, shared))
+        known = {key: str(value) for key, value in (about or {}).items()}
+        parquet.write_table(table.replace_schema_metadata(known), part)
     return path
 
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from gonio.atomic import write_text
 from gonio.brdf import Brdf
 from gonio.config.material import Material
+from gonio.export.about import about
 from gonio.export.netcdf import chain_arrays
 from gonio.mcmc import diagnostics
 from gonio.mcmc.proposals import DRAWN, FILL, KINDS
@@ -112,6 +113,7 @@ def _facts(store: Store, material: Material, m, steps, brdf: Brdf) -> str:
         "truth": p.get("truth") or "what lies on the rig",
         "made by": f"gonio {p.get('gonio')} {p.get('git')}, seed {p.get('seed')}",
     }
+    rows |= {k: str(v) for k, v in about(material).items() if k != "name"}
     if p.get("stale"):
         rows["stale calibrations"] = "; ".join(p["stale"].values())
     estimate = getattr(brdf, "energy_error_estimate", None)
@@ -161,6 +163,8 @@ def _holes(truth: Brdf) -> dict[str, str]:
 
 def _chains(store: Store, steps) -> str:
     of_chains = steps["step"] >= 0
+    if not of_chains.any():
+        return ""  # all that was measured was listed by hand
     accepted, measured = steps["accepted"][of_chains], steps["id"][of_chains] >= 0
     parts = [_section("Acceptance over time", figures.acceptance(steps["step"][of_chains], accepted, measured))]
     arrays = chain_arrays(store)

@@ -1,6 +1,8 @@
 """What a config would do, without doing it: `gonio check`."""
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,46 +18,96 @@ PAIRS = 20_000
 TOUR = 512
 
 
-def plan_text(material: Material, rig: RigConfig, out: Path | None = None) -> str:
+@dataclass(frozen=True)
+class Plan:
+    """What a run would do. `figures` are what `gonio check --json` prints (docs/json.md), `text` says them in words."""
+
+    figures: dict[str, Any]
+    text: str
+
+
+def plan_of(material: Material, rig: RigConfig, out: Path | None = None) -> Plan:
     """The resolved plan: sample, chain, reachable share of the domain, estimated rig time. Touches no hardware.
 
     Raises what `prepare` does: whatever `acquire` would refuse before it moves.
     """
     ready = prepare(material, rig, out)
-    c, target = material.sampler, material.sampler.target
-    isotropic = material.symmetry == "isotropic"
     envelope = ready.envelope
     wi, wo = _random_pairs(np.random.default_rng(0), PAIRS)
     reachable = envelope.reachable(wi, wo)
     chosen = np.flatnonzero(reachable)[:TOUR]
-    dimensions = 3 if isotropic else 4
-    sample = f"{material.name}, {material.symmetry}: {dimensions} dimensions, {len(material.channels)} channels"
-    lines = [
-        ("material", sample),
-        ("truth", f"{material.truth}, {ready.origin}" if ready.truth else "none: the rig is real"),
-        ("chain", f"{c.chains} x {c.proposal}, seed {material.seed}"),
-        ("target", f"channels {target.channels}, power {target.power:g}, floor {target.floor:.0%} of the draws"),
-        *([("picture", f"{target.scene}, floor {target.scene_floor:g}")] if target.scene else []),
-        ("rig", f"{rig.name} ({rig.depth}), {rig.kinematics.kind}, stay-out {rig.stay_out_deg:g} deg"),
-        ("detector", _detector(rig)),
-        ("reachable", f"{reachable.mean():.1%} of all pairs of directions, each weighted by its cosine"),
-    ]
+    c, target = material.sampler, material.sampler.target
+    seconds = hours = None
     if len(chosen):
         each = _seconds(envelope, rig, material, wi[chosen], wo[chosen])
         motion = each - rig.settle_s - rig.reading_s
-        parts = f"motion {motion:.2f}, settle {rig.settle_s:g}, reading {rig.reading_s:.2g}"
-        lines.append(("a measurement", f"{each:.2f} s: {parts}"))
-        if (n := material.budget.measurements) is not None:
-            lines.append(
-                ("rig time", f"about {each * n / 3600:.1f} h for {n} measurements of cosine-distributed pairs")
-            )
-    if material.budget.rig_hours is not None:
-        lines.append(("ends after", f"{material.budget.rig_hours:g} rig hours at most"))
-    if material.stop.scene_error is not None:
-        lines.append(("ends when", f"the estimated error in the picture is below {material.stop.scene_error:g}"))
-    if material.stop.energy_error is not None:
-        lines.append(("ends when", f"the estimated energy error is below {material.stop.energy_error:g}"))
-    lines.append(("then", f"reconstruct with {material.reconstruct.model}"))
+        seconds = {"measurement": each, "motion": motion, "settle": rig.settle_s, "reading": rig.reading_s}
+        if material.budget.measurements is not None:
+            hours = each * material.budget.measurements / 3600
+    figures = {
+        "material": material.name,
+        "symmetry": material.symmetry,
+        "dimensions": 3 if material.symmetry == "isotropic" else 4,
+        "channels": list(material.channels),
+        "truth": None if ready.truth is None else {"name": material.truth, "origin": ready.origin},
+        "sampler": {"chains": c.chains, "proposal": c.proposal, "seed": material.seed},
+        "target": {
+            "channels": target.channels,
+            "power": target.power,
+            "floor": target.floor,
+            "scene": target.scene,
+            "scene_floor": target.scene_floor,
+        },
+        "rig": {
+            "name": rig.name,
+            "depth": rig.depth,
+            "kinematics": rig.kinematics.kind,
+            "stay_out_deg": rig.stay_out_deg,
+        },
+        "detector": _detector(rig),
+        "reachable": float(reachable.mean()),
+        "seconds": seconds,
+        "rig_hours": hours,
+        "budget": {"measurements": material.budget.measurements, "rig_hours": material.budget.rig_hours},
+        "stop": {
+            "energy_error": material.stop.energy_error,
+            "ess": material.stop.ess,
+            "scene_error": material.stop.scene_error,
+        },
+        "reconstruct": material.reconstruct.model,
+    }
+    return Plan(figures, _text(figures))
+
+
+def _text(p: dict[str, Any]) -> str:
+    truth, sampler, target, rig, seconds = (p[k] for k in ("truth", "sampler", "target", "rig", "seconds"))
+    sample = f"{p['material']}, {p['symmetry']}: {p['dimensions']} dimensions, {len(p['channels'])} channels"
+    lines = [
+        ("material", sample),
+        ("truth", f"{truth['name']}, {truth['origin']}" if truth else "none: the rig is real"),
+        ("chain", f"{sampler['chains']} x {sampler['proposal']}, seed {sampler['seed']}"),
+        (
+            "target",
+            f"channels {target['channels']}, power {target['power']:g}, floor {target['floor']:.0%} of the draws",
+        ),
+        *([("picture", f"{target['scene']}, floor {target['scene_floor']:g}")] if target["scene"] else []),
+        ("rig", f"{rig['name']} ({rig['depth']}), {rig['kinematics']}, stay-out {rig['stay_out_deg']:g} deg"),
+        ("detector", p["detector"]),
+        ("reachable", f"{p['reachable']:.1%} of all pairs of directions, each weighted by its cosine"),
+    ]
+    if seconds is not None:
+        parts = f"motion {seconds['motion']:.2f}, settle {seconds['settle']:g}, reading {seconds['reading']:.2g}"
+        lines.append(("a measurement", f"{seconds['measurement']:.2f} s: {parts}"))
+    if (hours := p["rig_hours"]) is not None:
+        n = p["budget"]["measurements"]
+        lines.append(("rig time", f"about {hours:.1f} h for {n} measurements of cosine-distributed pairs"))
+    if (most := p["budget"]["rig_hours"]) is not None:
+        lines.append(("ends after", f"{most:g} rig hours at most"))
+    if (error := p["stop"]["scene_error"]) is not None:
+        lines.append(("ends when", f"the estimated error in the picture is below {error:g}"))
+    if (error := p["stop"]["energy_error"]) is not None:
+        lines.append(("ends when", f"the estimated energy error is below {error:g}"))
+    lines.append(("then", f"reconstruct with {p['reconstruct']}"))
     return "\n".join(f"{k:14} {v}" for k, v in lines)
 
 

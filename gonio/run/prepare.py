@@ -38,8 +38,9 @@ class Prepared:
     envelope: Envelope
 
 
-def prepare(material: Material, rig: RigConfig, out: Path | None = None) -> Prepared:
-    """Everything for a run in `out` (None: runs/<material>/<UTC stamp>-<short id>); nothing is made.
+def prepare(material: Material, rig: RigConfig, out: Path | None = None, own: Brdf | None = None) -> Prepared:
+    """Everything for a run in `out` (None: runs/<material>/<UTC stamp>-<short id>); nothing is made. own: a truth that
+    no file holds.
 
     Raises StoreError, ConfigError, BrdfFileError, FlowError, PriorError, CalibrationMissing, NoSupport: whatever would
     keep a run from starting, but for the devices themselves.
@@ -48,7 +49,7 @@ def prepare(material: Material, rig: RigConfig, out: Path | None = None) -> Prep
     refuse_folder(folder)
     refuse_misfit(material, rig)
     _refuse_missing_devices(rig)
-    truth, origin = find_truth(material, rig)
+    truth, origin = find_truth(material, rig, own)
     if truth is not None and truth.channels != len(material.channels):
         raise ConfigError(f"channels: {len(material.channels)} named, but the truth ({origin}) has {truth.channels}")
     if material.sampler.flow.weights is not None:

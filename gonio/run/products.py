@@ -2,43 +2,57 @@
 
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import gonio
 from gonio.brdf import Brdf
 from gonio.brdf.library import find
 from gonio.config import ConfigError
+from gonio.run.exports import export_run
 from gonio.run.record.config import read_config
 from gonio.run.record.samples import load_samples
 from gonio.run.record.store import Store
+from gonio.run.scan import make_scan_products, scan_of
 from gonio.run.truth import open_truth, own_truth
 
 if TYPE_CHECKING:
+    from gonio.brdf import Brdf
     from gonio.run.record.integrals import AlbedoOfRun
 
 
 def make_brdf(folder: Path, model: str | None = None, out: Path | None = None) -> str:
     """Reconstruct and save; lines that say what was made and where. Raises ReconstructionError, ConfigError."""
     from gonio.load import save_brdf
-    from gonio.reconstruct import MODELS, ReconstructionWarning, reconstruct
+    from gonio.reconstruct import ReconstructionWarning
 
-    config = read_config(folder).material
-    model = model or config.reconstruct.model
-    if model not in MODELS:
-        raise ConfigError(f"--model {model}: not one of {', '.join(MODELS)}")
-    with Store.open(folder, write=False) as store:
-        samples = load_samples(store)
+    model = model or read_config(folder).material.reconstruct.model
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ReconstructionWarning)
-        brdf = reconstruct(samples, model, anisotropic=config.symmetry == "anisotropic", seed=config.seed)
+        brdf, count = reconstruct_run(folder, model)
     path = out or Path(folder) / "brdf.npz"
     save_brdf(brdf, path)
     notes = [f"note   {w.message}" for w in caught if issubclass(w.category, ReconstructionWarning)]
-    return "\n".join([f"brdf   {path}  ({model}, from {len(samples)} measurements)", *notes])
+    return "\n".join([f"brdf   {path}  ({model}, from {count} measurements)", *notes])
+
+
+def reconstruct_run(folder: Path, model: str) -> "tuple[Brdf, int]":
+    """The BRDF of a run's samples, and how many they are; nothing is saved. Raises ReconstructionError, ConfigError."""
+    from gonio.reconstruct import MODELS, reconstruct
+
+    if model not in MODELS:
+        raise ConfigError(f"--model {model}: not one of {', '.join(MODELS)}")
+    config = read_config(folder).material
+    with Store.open(folder, write=False) as store:
+        samples = load_samples(store)
+    return reconstruct(samples, model, anisotropic=config.symmetry == "anisotropic", seed=config.seed), len(samples)
 
 
 def make_products(folder: Path) -> list[str]:
-    """Everything a user expects after an acquisition: the BRDF, its .bsdf, the report; how good it is stands first."""
+    """Everything a user expects after an acquisition: the BRDF, its .bsdf, the report; how good it is stands first. Of
+    a scan, its table and its plot: most make no BRDF."""
+    with Store.open(folder, write=False) as store:
+        if scan_of(store) is not None:
+            return make_scan_products(folder)
     made = [make_brdf(folder), f"bsdf   {export_run(folder, 'bsdf')}", f"report {make_report(folder)}"]
     return [judge(folder), *made]
 
@@ -60,16 +74,8 @@ def evaluate_run(path: str, truth: str | None) -> dict[str, float]:
     """The referee's figures of a run or BRDF file against `truth`, a path or a name; None = the run's own."""
     from gonio.evaluate import evaluate
 
-    if truth is None:
-        if not (Path(path) / "config.yaml").is_file():
-            raise ConfigError(f"{path}: not a run folder; say what to compare it with by --truth")
-        own = own_truth(path)
-        if own is None:
-            raise ConfigError(
-                f"{path}: measured on a real sample, its truth is not known; say what to compare it with by --truth"
-            )
-        truth = str(own.path)
-    brdf, reference = gonio.load_brdf(path), open_truth(truth)
+    reference = truth_of(path) if truth is None else open_truth(truth)
+    brdf = gonio.load_brdf(path)
     if brdf.channels != reference.channels:
         raise ConfigError(f"--truth {truth}: has {reference.channels} channels, {path} has {brdf.channels}")
     return evaluate(brdf, reference) | _in_the_picture(path, brdf, reference)
@@ -86,6 +92,16 @@ def _in_the_picture(path: str, brdf: Brdf, truth: Brdf) -> dict[str, float]:
     seen = picture.load(scene)
     f = truth.eval(seen.wi, seen.wo)
     return {"scene_error": seen.error(abs(brdf.eval(seen.wi, seen.wo) - f), f)}
+
+
+def truth_of(path: str | Path) -> "Brdf":
+    """What the rig showed when a run was made. Raises ConfigError where that is not known."""
+    if not (Path(path) / "config.yaml").is_file():
+        raise ConfigError(f"{path}: not a run folder; say what to compare it with by --truth")
+    own = own_truth(path)
+    if own is None:
+        raise ConfigError(f"{path}: what it measured is in no file; say what to compare it with by --truth")
+    return open_truth(str(own.path))
 
 
 def albedo_of_run(path: str) -> "AlbedoOfRun":
@@ -105,60 +121,6 @@ def make_budget(folder: Path, theta_i_deg: tuple[float, ...] | None = None) -> d
     if not (Path(folder) / "brdf.npz").exists():
         raise ConfigError(f"{folder}: has no brdf.npz yet; `gonio reconstruct {folder}` makes it")
     return write_budget(folder, budget_of(folder), theta_i_deg)
-
-
-def export_run(folder: Path, format: str, out: Path | None = None, spectral: bool = False) -> Path:
-    """Write the run's BRDF, its samples or the parameters of a fit, by a key of the tables below; the path written.
-
-    spectral: a .bsdf of wavelengths instead of rgb. Warns (ExportWarning) of what the file cannot hold. Raises
-    ConfigError, ExportError, MissingExtra.
-    """
-    if spectral:
-        if format != "bsdf":
-            raise ConfigError(f"--spectral: only a .bsdf can be, not {format}")
-        from gonio.export.bsdf import write_bsdf
-
-        path = out or Path(folder) / "brdf_spectral.bsdf"
-        write_bsdf(gonio.load_brdf(folder), path, spectral=True)
-        return path
-    if format in SAMPLE_FORMATS:
-        module, function, name = SAMPLE_FORMATS[format]
-        with Store.open(folder, write=False) as store:
-            brdf = gonio.load_brdf(folder) if (Path(folder) / "brdf.npz").exists() else None
-            return _function(module, function)(store, out or Path(folder) / name, brdf, _shared(folder, brdf))
-    if format in BRDF_FORMATS:
-        module, function, name = BRDF_FORMATS[format]
-        path = out or Path(folder) / name
-        _function(module, function)(gonio.load_brdf(folder), path)
-        return path
-    if format in FIT_FORMATS:
-        module, function, name = FIT_FORMATS[format]
-        path = out or Path(folder) / name
-        reference = gonio.load_brdf(folder) if (Path(folder) / "brdf.npz").exists() else None
-        _function(module, function)(_lobes(folder), path, reference)
-        return path
-    raise ConfigError(f"--format {format}: not one of {', '.join([*BRDF_FORMATS, *SAMPLE_FORMATS, *FIT_FORMATS])}")
-
-
-def _lobes(folder: Path):
-    """The `lobes` fit of a run's samples."""
-    from gonio.reconstruct import reconstruct
-
-    config = read_config(folder).material
-    with Store.open(folder, write=False) as store:
-        samples = load_samples(store)
-    return reconstruct(samples, "lobes", anisotropic=config.symmetry == "anisotropic", seed=config.seed)
-
-
-def _shared(folder: Path, brdf):
-    """Relative uncertainty (N, C) at pairs that all readings of a run have in common; None of a rig never
-    calibrated."""
-    from gonio.budget import budget_of
-
-    if brdf is None:
-        return None
-    common = budget_of(folder).common
-    return common.u if common.calibrated else None
 
 
 def make_report(folder: Path) -> Path:
@@ -232,7 +194,7 @@ def render_band(folder: Path, size: int, spp: int) -> list[str]:
     model without intervals."""
     from gonio.render.band import render_band
 
-    brdf = gonio.load_brdf(folder)
+    brdf: Any = gonio.load_brdf(folder)
     if not hasattr(brdf, "interval"):
         raise ConfigError(f"{folder}: its BRDF has no intervals; `gonio reconstruct --model auto` makes one that has")
     return render_band(brdf, Path(folder), size, spp)
@@ -248,32 +210,3 @@ def render_run(folder: Path, truth: str | None, size: int, spp: int) -> list[str
         return render_beside(ours, None, None, Path(folder), size, spp)
     table = Path(found.path) if str(found.path).endswith(".bsdf") else None
     return render_beside(ours, gonio.load_brdf(found.path), table, Path(folder), size, spp)
-
-
-SAMPLE_FORMATS = {
-    "csv": ("gonio.export.samples", "write_csv", "samples.csv"),
-    "parquet": ("gonio.export.samples", "write_parquet", "samples.parquet"),
-    "netcdf": ("gonio.export.netcdf", "write_netcdf", "chains.nc"),
-    "json": ("gonio.export.exchange.brdf_json", "write_json", "samples.brdf"),
-    "nexus": ("gonio.export.exchange.nexus", "write_nexus", "samples.nxs"),
-}
-BRDF_FORMATS = {
-    "bsdf": ("gonio.export.bsdf", "write_bsdf", "brdf.bsdf"),
-    "merl": ("gonio.export.merl", "write_merl", "brdf.binary"),
-    "grid": ("gonio.export.grid", "write_grid", "grid.npz"),
-    "mountain": ("gonio.export.mountain", "write_mountain", "mountain"),
-    "zemax": ("gonio.export.exchange.zemax", "write_zemax", "zemax.bsdf"),
-    "astm": ("gonio.export.exchange.astm", "write_astm", "brdf.astm"),
-    "xml": ("gonio.export.renderers.radiance", "write_ttree", "brdf.xml"),
-    "klems": ("gonio.export.renderers.radiance", "write_klems", "klems.xml"),
-}
-FIT_FORMATS = {
-    "gltf": ("gonio.export.renderers.gltf", "write_gltf", "material.gltf"),
-    "materialx": ("gonio.export.renderers.materialx", "write_materialx", "material.mtlx"),
-}
-
-
-def _function(module: str, name: str):
-    from importlib import import_module
-
-    return getattr(import_module(module), name)

@@ -12,7 +12,9 @@ from gonio.acquire import Interrupted, Progress, acquire
 from gonio.brdf import Brdf
 from gonio.config import ConfigError, Material
 from gonio.config.rig import RigConfig
+from gonio.config.scan import Scan
 from gonio.mcmc import make_sampler
+from gonio.mcmc.listed import Listed
 from gonio.rig.errors import RigError
 from gonio.rig.signal.watch import LostSight
 from gonio.run.open_rig import open_rig
@@ -20,6 +22,7 @@ from gonio.run.prepare import prepare
 from gonio.run.provenance import provenance
 from gonio.run.record.config import RunConfig, dump, read_config, write_config
 from gonio.run.record.store import Store
+from gonio.run.scan import SCAN, scan_for, scan_of, vectors
 from gonio.run.truth import find_truth, own_truth, refuse_another_scene
 
 
@@ -57,7 +60,7 @@ class Run:
         try:
             if state := store.kept():
                 rig.restore(state)
-            sampler = make_sampler(material, rig.reachable, good_enough.fit_surrogate, budgets(store, material))
+            sampler = self._sampler(rig, good_enough)
             rig.surrogate = good_enough.expected
             reason = acquire(
                 sampler, rig, store, material, watch=watch, interrupted=interrupted, good_enough=good_enough
@@ -89,6 +92,13 @@ class Run:
                 if not given:
                     rig.close()
 
+    def _sampler(self, rig, good_enough) -> Any:
+        """A list given by hand where the run has one, else the chain."""
+        if (scan := scan_of(self.store)) is not None:
+            return Listed(*vectors(scan))
+        material = self.config.material
+        return make_sampler(material, rig.reachable, good_enough.fit_surrogate, budgets(self.store, material))
+
     @contextlib.contextmanager
     def nothing_left_behind(self) -> Iterator[None]:
         """Around the opening of the rig: a new run that cannot have one leaves no folder."""
@@ -102,23 +112,42 @@ class Run:
         self.store.close()
 
 
-def start(material: Material, rig: RigConfig, out: str | os.PathLike[str] | None = None) -> Run:
+def start(
+    material: Material,
+    rig: RigConfig,
+    out: str | os.PathLike[str] | None = None,
+    truth: Brdf | None = None,
+    scan: Scan | None = None,
+) -> Run:
     """A new run folder, nothing measured yet. out = None: runs/<material>/<UTC stamp>-<short id>.
+
+    truth: what a simulated rig shows where the material names nothing; not kept in the run. scan: a list of directions
+    to measure in place of the chain's.
 
     Raises what `prepare` does, before there is a folder; StoreError where it cannot be made.
     """
-    ready = prepare(material, rig, None if out is None else Path(out))
+    ready = prepare(material, rig, None if out is None else Path(out), truth)
+    about: dict[str, Any] = {}
+    if scan is not None:
+        scan, material = scan_for(scan, material, rig, ready.envelope)
+        about = {SCAN: scan.model_dump(mode="json")}
     config = RunConfig(material=material, rig=rig)
-    store = Store.create(ready.folder, dump(config), provenance(material, rig, ready.origin), **_care(rig))
+    store = Store.create(ready.folder, dump(config), provenance(material, rig, ready.origin) | about, **_care(rig))
     shown = ready.origin or "what lies on the rig"
     store.event("started", f"gonio {gonio.__version__}, rig {rig.name} ({rig.depth}), truth {shown}")
     return Run(config, store, ready.truth)
 
 
-def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = (), *, allow_stale: bool = False) -> Run:
+def resume(
+    folder: str | os.PathLike[str],
+    overrides: tuple[str, ...] = (),
+    *,
+    allow_stale: bool = False,
+    truth: Brdf | None = None,
+) -> Run:
     """An interrupted run, ready to go on; overrides may change its budget and stop rules.
 
-    allow_stale: with calibrations that have expired since; the run says so from now on.
+    allow_stale: with calibrations that have expired since; the run says so from now on. truth: as in `start`.
     """
     stale = ("rig.calibration.allow_stale=true",) * allow_stale
     config = read_config(folder, (*(f"material.{o}" for o in overrides), *stale))
@@ -134,14 +163,16 @@ def resume(folder: str | os.PathLike[str], overrides: tuple[str, ...] = (), *, a
             )
     own_truth(folder)
     refuse_another_scene(folder)
-    truth, origin = find_truth(config.material, config.rig)
+    if truth is None and config.material.truth is None and config.rig.depth != "real":
+        raise ConfigError(f"{folder}: shows a function that it does not keep; `gonio.resume(RUN, truth=f)` goes on")
+    shown, origin = find_truth(config.material, config.rig, truth)
     store = Store.open(folder, write=True, **_care(config.rig))
     if overrides or stale:
         write_config(folder, config)
     if stale:
         store.event("stale", "calibrations allowed to be")
     store.event("resumed", f"gonio {gonio.__version__}, truth {origin or 'what lies on the rig'}")
-    return Run(config, store, truth)
+    return Run(config, store, shown)
 
 
 def budgets(store: Store, material: Material) -> tuple[int, ...]:

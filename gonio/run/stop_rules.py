@@ -40,14 +40,9 @@ class GoodEnough:
 
     def fit_surrogate(self, wi: Array, wo: Array, f: Array, sigma: Array | None = None) -> Brdf | None:
         """The running reconstruction, None where the samples do not make one (yet); `expected` asks the last one."""
-        from gonio.reconstruct.errors import ReconstructionError
-        from gonio.reconstruct.running import fit
-
-        try:
-            found = fit(Samples.of(wi, wo, f, sigma), anisotropic=self.anisotropic)
-        except ReconstructionError:
-            return None
-        self._surrogate = found
+        found = running_fit(Samples.of(wi, wo, f, sigma), self.anisotropic)
+        if found is not None:
+            self._surrogate = found
         return found
 
     def expected(self, wi: Array, wo: Array) -> Array | None:
@@ -109,3 +104,14 @@ class GoodEnough:
             w = f * (draws.wo[mine, 2] * np.exp(-draws.log_q[mine]))[:, None]
             total += w.sum(0) ** 2 / np.maximum((w**2).sum(0), 1e-300)
         return float(total.min())
+
+
+def running_fit(samples: Samples, anisotropic: bool) -> Brdf | None:
+    """The reconstruction that is quick enough to run beside an acquisition; None where the samples do not make one."""
+    from gonio.reconstruct.errors import ReconstructionError
+    from gonio.reconstruct.running import fit
+
+    try:
+        return fit(samples, anisotropic=anisotropic)
+    except ReconstructionError:
+        return None

@@ -16,13 +16,22 @@ from gonio.config.rig import RigConfig
 from gonio.run.record.config import read_config
 from gonio.run.record.store import Store
 
+OWN = "the caller's own "
 
-def find_truth(material: Material, rig: RigConfig) -> tuple[Brdf | None, str]:
-    """The BRDF a simulated rig shows and where it was found; (None, "") on a real rig. Raises ConfigError."""
+
+def find_truth(material: Material, rig: RigConfig, own: Brdf | None = None) -> tuple[Brdf | None, str]:
+    """The BRDF a simulated rig shows and where it was found; (None, "") on a real rig. Raises ConfigError.
+
+    own: shown in place of one that `truth` would name; a run does not keep it.
+    """
     if rig.depth == "real":
-        if material.truth is not None:
+        if material.truth is not None or own is not None:
             raise ConfigError(f"truth: rig {rig.name} is real and shows what lies on it; leave `truth` out")
         return None, ""
+    if own is not None:
+        if material.truth is not None:
+            raise ConfigError(f"truth: {material.truth} is named by the material, and another is given; keep one")
+        return own, f"{OWN}{getattr(own, 'name', type(own).__name__)}, which the run does not keep"
     if material.truth is None:
         raise ConfigError(f"truth: missing; rig {rig.name} is simulated and needs a BRDF to show")
     found = find(material.truth)

@@ -69,6 +69,18 @@ def test_a_run_is_watched_paused_and_stopped(daemon, browser):
     page.close()
 
 
+def test_a_sample_is_asked_for_and_put_in(daemon, browser):
+    page = browser.new_page()
+    page.goto(daemon.url)
+    settings = ["--set", "name=felt", "--set", "sample_id=A7", "--set", "budget.measurements=20"]
+    assert daemon.gonio("queue", "add", "analytic_gloss", *settings).returncode == 0
+    assert daemon.gonio("queue", "run").returncode == 0
+    page.locator("#message", has_text="Put in felt (A7), then Continue").wait_for()
+    page.get_by_role("button", name="Continue").click()
+    page.locator("#message", has_text="budget of 20 measurements").wait_for()
+    page.close()
+
+
 def test_without_the_token_there_is_no_page(daemon, browser):
     page = browser.new_page()
     assert page.goto(daemon.url.split("?")[0]).status == 401

@@ -103,6 +103,17 @@ def test_no_weights_outside(served, weights):
     assert weights_file(runs, "mine.npz") == weights_file(runs, str(runs.resolve() / "mine.npz"))
 
 
+def test_no_picture_outside(served):
+    _, client, runs = served
+    (runs.parent / "picture.npz").write_bytes(b"")
+    wanted = material(5)
+    wanted.setdefault("sampler", {}).update(proposal="auto", target={"scene": str(runs.parent / "picture.npz")})
+    for path in ("/jobs/acquire", "/check", "/queue"):
+        answer = client.post(path, json={"material": wanted})
+        assert answer.status_code == 422 and "sampler.target.scene" in answer.json()["detail"], answer.text
+        assert "a daemon reads files in its runs folder" in answer.json()["detail"]
+
+
 def test_truth_inside(served):
     _, _, runs = served
     (runs / "t.npz").touch()

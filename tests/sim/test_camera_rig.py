@@ -12,7 +12,7 @@ from gonio.config.plan import PlanConfig
 from gonio.config.rig import FaultsConfig, RigConfig
 from gonio.geometry import from_angles
 from gonio.rig.errors import DeviceFault
-from gonio.run.check import plan_text
+from gonio.run.check import plan_of
 from gonio.run.open_rig import open_rig
 from gonio.run.start import resume, start
 from tests.conftest import ROOT
@@ -175,7 +175,7 @@ def test_keys_that_do_not_fit_are_named():
             parse_config(text.replace(old, new, 1), RigConfig)
         assert message in str(e.value)
     with pytest.raises(ConfigError, match="channels: film has 1, the camera of rig camera 3; name its planes"):
-        plan_text(MATERIAL.model_copy(update={"channels": ("L",)}), CAMERA)
-    assert "detector       camera, 3 channels, 5 exposures from 0.0001 to 0.4096 s" in plan_text(MATERIAL, CAMERA)
+        plan_of(MATERIAL.model_copy(update={"channels": ("L",)}), CAMERA)
+    assert "detector       camera, 3 channels, 5 exposures from 0.0001 to 0.4096 s" in plan_of(MATERIAL, CAMERA).text
     with pytest.raises(ConfigError, match=r"camera\.channels: rig camera names 3 planes, the truth has 1"):
         open_rig(CAMERA, Lambert([0.3]), 0)

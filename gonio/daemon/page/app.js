@@ -49,7 +49,7 @@ function show(state) {
   badge(state.state);
   paused = state.state === "paused";
   put("pause", paused ? "Continue" : "Pause");
-  el("pause").disabled = !(j && j.run && j.ended === null && state.state !== "stopping");
+  el("pause").disabled = !(j && (j.run || j.asks) && j.ended === null && state.state !== "stopping");
   document.title = `${state.rig.name}: ${state.state}${p ? ` · ${p.measured}` : ""}`;
   if ((j && j.id) !== job) {
     job = j && j.id;
@@ -58,10 +58,11 @@ function show(state) {
   put("job", j ? `${j.kind} ${j.material || ""}${j.ended !== null ? " · ended" : ""}` : "no job yet");
   put("run", j && j.run ? `${j.run}${j.truth ? ` · shows: ${j.truth}` : ""}` : "");
   const bad = j && j.ended !== null && j.code !== 0 && j.code !== 130;
+  const asks = j && j.ended === null && j.asks ? `Put in ${j.asks}, then Continue` : "";
   const text = j && j.ended !== null ? j.message || (j.result && j.result.reason) || "" : "";
-  el("message").hidden = !text;
+  el("message").hidden = !text && !asks;
   el("message").className = bad ? "bad" : "";
-  put("message", text ? `${j.kind} ended: ${text}` : "");
+  put("message", text ? `${j.kind} ended: ${text}` : asks);
   put("measured", p ? p.measured.toLocaleString("en") : "0");
   put("budget", p && p.budget ? `of ${p.budget.toLocaleString("en")} measurements` : "measurements");
   el("done").style.width = p && p.budget ? `${Math.min(100, (100 * p.measured) / p.budget)}%` : "0";

@@ -77,6 +77,12 @@ class StepLog:
             Steps(of_block, np.arange(-n, 0), kind, ids, no, log_q, none, log_p, wi, wo),
         ]
 
+    def add_listed(self, block: int, ids: NDArray[np.int64], kind, nothing: Array, wi, wo) -> None:
+        """Measurements that nobody drew: rows counted by their ids, so that they may come one by one."""
+        n = len(ids)
+        of_block, none, no = np.full(n, block, np.int32), np.full(n, -1, np.int64), np.zeros(n, bool)
+        self._parts += [self._of_columns(), Steps(of_block, -1 - ids, kind, ids, no, nothing, none, nothing, wi, wo)]
+
     def take(self) -> Steps:
         """All rows since the last call."""
         parts, self._parts = self._parts, []

@@ -19,8 +19,8 @@ does not depend on where the chain is offers, instead of `propose` and `place`,
 Its coordinates are the directions themselves and its `log_jacobian` is -log q: the same formula then is the ratio of
 importance weights. `kind` (N,) says for the log what each move was;
 drawn and fill are measurements that are no step (gonio.mcmc.plans.unknown): with a density, without one; imported was
-measured elsewhere and asked by nobody here.
+measured elsewhere and asked by nobody here; listed ones were given by hand (gonio.mcmc.listed).
 """
 
-LOCAL, GLOBAL, INDEPENDENCE, PILOT, DRAWN, FILL, IMPORTED = range(7)
-KINDS = ("local", "global", "independence", "pilot", "drawn", "fill", "imported")
+LOCAL, GLOBAL, INDEPENDENCE, PILOT, DRAWN, FILL, IMPORTED, LISTED = range(8)
+KINDS = ("local", "global", "independence", "pilot", "drawn", "fill", "imported", "listed")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gonio.mcmc import Sampler
+from gonio.mcmc.ask_tell import AskTell
 from gonio.mcmc.chain.steps import Steps
 from gonio.run.record.folder import StoreError
 from gonio.run.record.schema import Measured
@@ -11,7 +11,7 @@ from gonio.run.record.store import Store
 ROUNDING = 1e-9
 
 
-def replay(sampler: Sampler, store: Store) -> tuple[Measured, Steps]:
+def replay(sampler: AskTell, store: Store) -> tuple[Measured, Steps]:
     """Tell a fresh sampler all that is stored, so that it goes on as if it had never been stopped.
 
     What was measured, and the steps made of it. Every stored direction is compared with what the sampler asks. Raises

@@ -1,0 +1,1 @@
+"""What a lab does beside a run: first files, scans, a queue."""
