@@ -115,3 +115,13 @@ def test_metadata_that_is_refused(metadata, words):
     with pytest.raises(ConfigError, match=words) as caught:
         parse_config(yaml.safe_dump({"name": "m", "metadata": metadata}), Material, source="m.yaml")
     assert "\n" not in str(caught.value)
+
+
+def test_brdf_json_and_nexus(run, tmp_path):
+    said = json.loads(export_run(run.folder, "json", tmp_path / "x.brdf").read_text())["metadata"]["provenance"]
+    assert all(f"{k}: {v}" in said["comments"] for k, v in WANTED.items())
+    h5py = pytest.importorskip("h5py", reason="needs the extra `study`")
+    with h5py.File(export_run(run.folder, "nexus", tmp_path / "x.nxs")) as file:
+        sample = file["entry/sample"]
+        assert sample["sample_id"][()].decode() == "A 7/3" and sample["operator"][()].decode() == "Zoë"
+        assert sample["metadata_batch"][()].decode() == "007" and sample["metadata_mm"][()] == 1.5

@@ -19,6 +19,7 @@ import gonio
 from gonio.atomic import write_text
 from gonio.brdf import Brdf
 from gonio.export import ExportError, ExportWarning
+from gonio.export.about import about, lines
 from gonio.export.intervals import Shared
 from gonio.geometry import to_angles
 from gonio.run.record.config import read_config
@@ -26,6 +27,8 @@ from gonio.run.record.samples import load_samples
 from gonio.run.record.store import Store
 
 SCHEMA = "https://raw.githubusercontent.com/BiRD-project/BiRD_view/master/BRDF_JSON_schema/brdf_json_schema_v1.0.json"
+
+TO_FILL_IN = "organization, location, email, contact_person: to be filled in before publication"
 
 
 def write_json(
@@ -61,7 +64,7 @@ def write_json(
         "id": f"urn:uuid:{uuid.uuid5(uuid.NAMESPACE_URL, str(p.get('started')) + config.material.name)}",
         "type": "BRDF",
         "timestamp": p.get("started") or time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "provenance": {"comments": "organization, location, email, contact_person: to be filled in before publication"},
+        "provenance": {"comments": "; ".join([TO_FILL_IN, *lines(about(config.material))])},
         "method": "simulation" if simulated else "measurement",
         "instrumentation": {"name": _instrument(config)},
         "software": {"name": "gonio", "version": gonio.__version__},

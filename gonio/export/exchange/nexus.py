@@ -11,6 +11,7 @@ import numpy as np
 import gonio
 from gonio.atomic import beside
 from gonio.brdf import Brdf
+from gonio.export.about import about
 from gonio.export.extra import needs
 from gonio.export.intervals import Shared, columns
 from gonio.geometry import to_angles
@@ -44,6 +45,9 @@ def write_nexus(
             data[name] = values
         sample = _group(entry, "sample", "NXsample")
         sample["name"], sample["symmetry"] = config.material.name, config.material.symmetry
+        for key, value in about(config.material).items():
+            if key != "name":
+                sample[key.replace("metadata.", "metadata_")] = value
         instrument = _group(entry, "instrument", "NXinstrument")
         instrument["name"] = str(p.get("rig", ""))
         process = _group(entry, "process", "NXprocess")
