@@ -32,6 +32,7 @@ STUDIES = {
     "coverage": "gonio.bench.accuracy.coverage",
     "accuracy": "gonio.bench.accuracy.peers",
     "scene": "gonio.bench.accuracy.picture_driven",
+    "side_by_side": "gonio.bench.accuracy.side_by_side",
     "stability": "gonio.bench.stability.study",
     "skips": "gonio.bench.accuracy.skips",
     "growth": "gonio.bench.speed.growth",
