@@ -100,9 +100,16 @@ def load(path: str | os.PathLike[str]) -> Picture:
         raise PictureError(f"{path}: not what `gonio scene` writes ({e})".replace("\n", " ")) from None
     good = found.density.shape == BINS and found.wi.shape == found.wo.shape == (len(found.weight), 3)
     finite = all(np.isfinite(a).all() for a in arrays.values())
-    if not (good and finite and found.density.min() >= 0 and found.density.max() > 0 and found.weight.min() >= 0):
+    if not (good and finite and len(found.weight) and _sound(found)):
         raise PictureError(f"{path}: not what `gonio scene` writes; make it anew")
     return found
+
+
+def _sound(p: Picture) -> bool:
+    """Densities, weights and directions that hits can have."""
+    numbers = p.density.min() >= 0 and p.density.max() > 0 and p.weight.min() >= 0 and p.weight.max() > 0
+    up = all(w[:, 2].min() > 0 and np.abs(np.linalg.norm(w, axis=1) - 1).max() < 1e-3 for w in (p.wi, p.wo))
+    return bool(numbers and up and 0 <= p.share <= 1 + 1e-6)
 
 
 def _bounded(archive, key: str) -> Array:

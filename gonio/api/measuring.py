@@ -102,7 +102,7 @@ def _drive(run: runs.Run, rig: OpenRig, callback: Callback | None) -> Run:
 
     def watch(progress: Progress) -> None:
         nonlocal ended
-        if callback is not None and callback(progress) is False:
+        if callback is not None and _said_no(callback(progress)):
             ended = True
 
     try:
@@ -125,3 +125,10 @@ def _opened(rig: OpenRig | RigConfig | str | os.PathLike[str], truth: Truth | No
         return
     with open_rig(rig, truth) as opened:
         yield opened
+
+
+def _said_no(answer: object) -> bool:
+    """Whether a callback wants an end: False, NumPy's too; None and whatever else go on."""
+    import numpy as np
+
+    return isinstance(answer, bool | np.bool_) and not answer

@@ -62,7 +62,7 @@ CHANNELS = {"unknown": "mean", "energy": "max"}
 class SamplerConfig(Section):
     """Which proposal drives the chains, and its numbers. `sampler: thesis` is the 2024 thesis's own setting."""
 
-    proposal: Plain | Literal["auto", "delayed", "flow"] = "auto"
+    proposal: Literal["auto", "flow", "delayed", "independence", "pss_simple", "pss_vndf", "vmf_io", "vmf_hd"] = "auto"
     inner: Plain = Field("pss_simple", description="the proposal that `delayed` acceptance stands around")
     chains: int = Field(1, ge=1, le=100_000)
     sigma: float = Field(0.05, gt=0, le=1, description="local step, per coordinate of the unit cube")

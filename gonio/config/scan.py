@@ -111,6 +111,9 @@ def _row(row: list[str], at: list[int | None], where: str) -> tuple[float, ...]:
 
 
 def _checked(pairs: Iterable[tuple[float, ...]], repeats: int, source: str) -> Scan:
+    pairs = tuple(pairs)
+    if any(not abs(phi) <= 360 for pair in pairs for phi in pair[1::2]):
+        raise ConfigError(f"{source}: azimuths are degrees, -360 to 360")
     if not 1 <= repeats <= 10_000:
         raise ConfigError(f"{source}: {repeats} repeats; 1 to 10,000")
     return Scan(pairs_deg=tuple(pairs), repeats=repeats)  # type: ignore[arg-type]

@@ -63,7 +63,7 @@ def documents(store: Store, about: About) -> Iterator[tuple[str, dict[str, Any]]
             "time": began,
             "plan_name": "scan" if "scan" in p else "acquire",
             "plan_type": "generator",
-            "detectors": [config.rig.detector],
+            "detectors": [_detector(config.rig.detector)],
             "motors": list(config.rig.axis_names),
             "num_points": len(good),
             "not_measured": len(m.id) - len(good),
@@ -128,3 +128,8 @@ def _descriptor(uid, began: float, rig: str, channels: tuple[str, ...]) -> dict[
         "configuration": {"rig": {"data": {}, "timestamps": {}, "data_keys": {}}},
         "hints": {"rig": {"fields": ["f"]}},
     }
+
+
+def _detector(section: object) -> str:
+    """Its name: `photodiode`, `camera`, or the driver of a section."""
+    return section if isinstance(section, str) else str(getattr(section, "driver", "detector"))

@@ -173,7 +173,17 @@ def read_table(table: Table, mapping: Mapping, choices: Choices, format: str) ->
     channels = tuple(named) if all(named) else channel_names(len(named))
     sigma = np.full_like(value, np.nan)
     for j, k in enumerate(at_sigma):
-        sigma[:, named.index(mapping.columns[k].channel)] = found[:, j]
+        channel = mapping.columns[k].channel
+        if channel in named:
+            sigma[:, named.index(channel)] = found[:, j]
+        elif channel == "":  # of all that have none of their own
+            own = {mapping.columns[q].channel for q in at_sigma}
+            sigma[:, [c for c, name in enumerate(named) if name not in own]] = found[:, j : j + 1]
+        else:
+            column = mapping.columns[k].name
+            raise CannotImport(
+                f"{table.source}: {column} is the sigma of {channel}, which is no channel ({', '.join(named)})"
+            )
     return Readings(
         wi,
         wo,

@@ -28,7 +28,7 @@ _PATTERNS: list[tuple[str, str]] = [
     ("theta_o", rf"(?:{_POLAR})(?:{_OUT})|(?:{_OUT})(?:angle|{_POLAR})|vza"),
     ("phi_i", rf"(?:{_AZIMUTH})(?:{_IN})|(?:{_IN})(?:{_AZIMUTH})|saa"),
     ("phi_o", rf"(?:{_AZIMUTH})(?:{_OUT})|(?:{_OUT})(?:{_AZIMUTH})|vaa"),
-    ("phi", rf"(?:{_AZIMUTH})|raa|relative(?:{_AZIMUTH})|(?:{_AZIMUTH})rel(?:ative)?|(?:d|delta|Δ|δ)(?:{_AZIMUTH})"),
+    ("phi", rf"(?:{_AZIMUTH})|raa|(?:rel|relative|d|delta|Δ|δ)(?:{_AZIMUTH})|(?:{_AZIMUTH})rel(?:ative)?"),
     ("theta_h", rf"(?:{_POLAR})(?:h|half)|half(?:{_POLAR})"),
     ("phi_h", rf"(?:{_AZIMUTH})(?:h|half)|half(?:{_AZIMUTH})"),
     ("theta_d", rf"(?:{_POLAR})(?:d|diff|difference)|(?:diff|difference)(?:{_POLAR})"),

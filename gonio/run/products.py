@@ -13,7 +13,7 @@ from gonio.run.record.config import read_config
 from gonio.run.record.samples import load_samples
 from gonio.run.record.store import Store
 from gonio.run.scan import make_scan_products, scan_of
-from gonio.run.truth import open_truth, own_truth
+from gonio.run.truth import open_truth, own_truth, refuse_another_scene
 
 if TYPE_CHECKING:
     from gonio.brdf import Brdf
@@ -89,6 +89,7 @@ def _in_the_picture(path: str, brdf: Brdf, truth: Brdf) -> dict[str, float]:
         return {}
     if (scene := read_config(path).material.sampler.target.scene) is None:
         return {}
+    refuse_another_scene(path)
     seen = picture.load(scene)
     f = truth.eval(seen.wi, seen.wo)
     return {"scene_error": seen.error(abs(brdf.eval(seen.wi, seen.wo) - f), f)}

@@ -161,6 +161,7 @@ def resume(
             raise ConfigError(
                 f"--set {o}: a run keeps what its chain was started with; only budget, stop and reconstruct may change"
             )
+    _refuse_less(folder, config.material)
     own_truth(folder)
     refuse_another_scene(folder)
     if truth is None and config.material.truth is None and config.rig.depth != "real":
@@ -173,6 +174,18 @@ def resume(
         store.event("stale", "calibrations allowed to be")
     store.event("resumed", f"gonio {gonio.__version__}, truth {origin or 'what lies on the rig'}")
     return Run(config, store, shown)
+
+
+def _refuse_less(folder: str | os.PathLike[str], material: Material) -> None:
+    """A budget that is spent already would only be one more at which blocks end: the chain would be another one.
+
+    Raises ConfigError.
+    """
+    with Store.open(folder, write=False) as store:
+        measured, known = len(store.measured().id), store.get("budgets", [])
+    now = material.budget.measurements
+    if now is not None and now < measured and now not in known:
+        raise ConfigError(f"budget.measurements: {now}, but {measured} are measured; `gonio report {folder}`, or more")
 
 
 def budgets(store: Store, material: Material) -> tuple[int, ...]:

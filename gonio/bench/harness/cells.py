@@ -6,6 +6,7 @@ on. A study that was killed goes on where it was; one whose code has changed sin
 
 import hashlib
 import json
+import os
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
@@ -17,8 +18,9 @@ from gonio.atomic import write_text
 Cell = dict[str, Any]
 Row = dict[str, Any]
 
-SOURCES = ("gonio", "sim", "calibration")  # packages whose code a figure may hang on
-ASIDE = ("commands", "daemon", "render", "export")  # rooms of gonio that no cell goes through
+SOURCES = ("gonio", "sim", "calibration", "drivers")  # packages whose code a figure may hang on
+ASIDE = ("commands", "daemon", "api", "importing")  # rooms of gonio that no cell goes through
+SUFFIXES = (".py", ".npz", ".yaml", ".xml")  # code, weights, the rigs and scenes that ship
 
 
 class Kept:
@@ -51,15 +53,17 @@ def digest(function: str, cell: Cell) -> str:
 
 @lru_cache(maxsize=1)
 def source_sha256() -> str:
-    """Of the modules, weights and priors that a figure may hang on."""
+    """Of the modules, weights, priors, rigs and scenes that a figure may hang on; and of GONIO_PRIOR."""
     top = Path(gonio.__file__).parent.parent
     found = hashlib.sha256()
     for package in SOURCES:
         for path in sorted((top / package).rglob("*")):
             name = path.relative_to(top)
-            if path.suffix not in (".py", ".npz") or (name.parts[0] == "gonio" and name.parts[1] in ASIDE):
+            if path.suffix not in SUFFIXES or (name.parts[0] == "gonio" and name.parts[1] in ASIDE):
                 continue
             found.update(str(name).encode() + b"\0" + path.read_bytes())
+    if prior := os.environ.get("GONIO_PRIOR"):
+        found.update(Path(prior).read_bytes())
     return found.hexdigest()
 
 

@@ -45,11 +45,14 @@ def run_cells(
             yield wanted[key], rows
         for key, found in _made(function, left, workers, dask):
             watched.one()
+            if not isinstance(found, BaseException):
+                try:
+                    kept.put(left[key], found)
+                except TypeError as e:  # a row of more than JSON values
+                    found = e
             if isinstance(found, BaseException):
                 failed.append(f"{_named(left[key])}: {type(found).__name__}: {found}")
                 found = [{**left[key], "failed": failed[-1]}]
-            else:
-                kept.put(left[key], found)
             yield left[key], found
     if failed:
         raise StudyFailed(f"{len(failed)} of {len(wanted)} cells failed; the first: {failed[0]}".replace("\n", " "))

@@ -105,8 +105,9 @@ class Epoch:
         f = np.maximum(self.running.eval(wi, wo), 0)
         scale = max(float(f.max(initial=0.0)), TINY)
         f = f / scale
-        even = np.maximum(np.bincount(band, weight, BANDS), TINY)
-        bright = np.stack([np.bincount(band, weight * of_channel, BANDS) for of_channel in f.T], 1)
+        bands = BANDS if self.asked is None else 1
+        even = np.maximum(np.bincount(band, weight, bands), TINY)
+        bright = np.stack([np.bincount(band, weight * of_channel, bands) for of_channel in f.T], 1)
         # a channel that is nearly dead, or dark in a band, is not blown up beyond a thousandth of the brightest
         usual = (bright.sum(0) / even.sum()).max()
         return 1 / np.maximum(bright, 1e-3 * max(usual, TINY) * even[:, None]) / scale, 1 / even
