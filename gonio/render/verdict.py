@@ -4,12 +4,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gonio import picture
 from gonio.brdf import Brdf
 from gonio.config.material import Material
 from gonio.evaluate import directions
+from gonio.picture import Picture, PictureError
 from gonio.reconstruct.errors import ReconstructionError
-from gonio.reconstruct.running import fit
+from gonio.reconstruct.running import RunningBrdf, fit
 from gonio.reconstruct.samples import Samples
+from gonio.reconstruct.splines.expected_error import MEAN_OVER_68
 from gonio.reconstruct.splines.held_out import EnergyError
 
 DEFAULT_GOAL = 0.03  # energy error
@@ -31,11 +34,12 @@ class Verdict:
     more: int | None
     findings: list[str] = field(default_factory=list)
     next: str = ""
+    what: str = "energy error"
 
     @property
     def line(self) -> str:
         words = {"good": "Good", "not yet": "Not yet good enough", "unusable": "Do not use this result"}[self.grade]
-        return f"{words}: estimated energy error {self.error:.1%}, goal {self.goal:.1%}. {self.next}".rstrip()
+        return f"{words}: estimated {self.what} {self.error:.1%}, goal {self.goal:.1%}. {self.next}".rstrip()
 
 
 def verdict(brdf: Brdf, samples: Samples, material: Material, failed: int = 0, imported: bool = False) -> Verdict:
@@ -45,13 +49,24 @@ def verdict(brdf: Brdf, samples: Samples, material: Material, failed: int = 0, i
     """
     if imported:
         samples = samples[np.random.default_rng(0).permutation(len(samples))]
-    goal = material.stop.energy_error or DEFAULT_GOAL
-    anisotropic = material.symmetry == "anisotropic"
-    error, slope = _error(brdf, samples, anisotropic)
+    seen = _picture(material)
+    goal = (material.stop.energy_error if seen is None else material.stop.scene_error) or DEFAULT_GOAL
+    error, slope = _error(brdf, samples, material.symmetry == "anisotropic", seen)
     more = None if slope is None or error <= goal else int(len(samples) * ((error / goal) ** (1 / slope) - 1)) + 1
     grade = "good" if error <= goal else "unusable" if error > USELESS else "not yet"
     words = _next(grade, error, slope, more, len(samples), imported)
-    return Verdict(grade, error, goal, more, _findings(brdf, samples, failed), words)
+    what = "energy error" if seen is None else "error in the picture"
+    return Verdict(grade, error, goal, more, _findings(brdf, samples, failed), words, what)
+
+
+def _picture(material: Material) -> Picture | None:
+    """That which the run is for; None of a run for every direction, and where its file is gone."""
+    if material.sampler.target.scene is None:
+        return None
+    try:
+        return picture.load(material.sampler.target.scene)
+    except PictureError:
+        return None
 
 
 def _next(grade: str, error: float, slope: float | None, more: int | None, n: int, imported: bool) -> str:
@@ -69,8 +84,8 @@ def _next(grade: str, error: float, slope: float | None, more: int | None, n: in
     return f"About {rounded:,} more measurements: `gonio resume RUN --set budget.measurements={n + rounded}`."
 
 
-def _error(brdf: Brdf, samples: Samples, anisotropic: bool) -> tuple[float, float | None]:
-    """The estimated energy error of what is delivered, and p of its fall as N^-p."""
+def _error(brdf: Brdf, samples: Samples, anisotropic: bool, seen: Picture | None = None) -> tuple[float, float | None]:
+    """The estimated energy error of what is delivered, or its error in a picture, and p of its fall as N^-p."""
     history = []
     for part in (0.25, 0.5, 1.0):
         n = int(part * len(samples))
@@ -82,12 +97,22 @@ def _error(brdf: Brdf, samples: Samples, anisotropic: bool) -> tuple[float, floa
         return float(getattr(brdf, "energy_error_estimate", 1.0)), None
     slope = None
     if len(history) > 1:
-        n, e = np.log([(k, max(r.energy_error_estimate, 1e-6)) for k, r in history]).T
+        n, e = np.log([(k, max(_said(r, seen), 1e-6)) for k, r in history]).T
         slope = float(np.clip(-np.polyfit(n, e, 1)[0], SLOWEST, FASTEST))
+    if seen is not None:
+        return _said(history[-1][1], seen), slope
     estimate = getattr(brdf, "energy_error_estimate", None)
     if estimate is None:  # a model that does not judge itself: at least what it misses at the samples
         estimate = max(_missed(brdf, history[-1][1]), history[-1][1].energy_error_estimate)
     return float(estimate), slope
+
+
+def _said(running: RunningBrdf, seen: Picture | None) -> float:
+    """What a running reconstruction says of its own error."""
+    if seen is None:
+        return float(running.energy_error_estimate)
+    low, high = running.interval(seen.wi, seen.wo)
+    return seen.error(MEAN_OVER_68 * 0.5 * (high - low), running.eval(seen.wi, seen.wo))
 
 
 def _missed(brdf: Brdf, running) -> float:

@@ -1,10 +1,12 @@
 """A run in the formats of other programs, by name: its BRDF, its samples, or the parameters of a fit."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import gonio
 from gonio.config import ConfigError
+from gonio.export.colours import Ordered, as_rgb, rgb_order
 from gonio.run.record.config import read_config
 from gonio.run.record.samples import load_samples
 from gonio.run.record.store import Store
@@ -27,6 +29,7 @@ BRDF_FORMATS = {
     "xml": ("gonio.export.renderers.radiance", "write_ttree", "brdf.xml"),
     "klems": ("gonio.export.renderers.radiance", "write_klems", "klems.xml"),
 }
+OF_CHANNELS = ("grid",)  # they name their channels, and need no order
 FIT_FORMATS = {
     "gltf": ("gonio.export.renderers.gltf", "write_gltf", "material.gltf"),
     "materialx": ("gonio.export.renderers.materialx", "write_materialx", "material.mtlx"),
@@ -58,24 +61,33 @@ def export_run(folder: Path, format: str, out: Path | None = None, spectral: boo
         module, function, name = BRDF_FORMATS[format]
         write = _function(module, function)
         path = out or Path(folder) / name
-        write(gonio.load_brdf(folder), path, **_about(write, folder))
+        brdf = gonio.load_brdf(folder)
+        write(brdf if format in OF_CHANNELS else as_rgb(brdf, _names(folder)), path, **_about(write, folder))
         return path
     if format in FIT_FORMATS:
         module, function, name = FIT_FORMATS[format]
         path = out or Path(folder) / name
-        reference = gonio.load_brdf(folder) if (Path(folder) / "brdf.npz").exists() else None
-        _function(module, function)(_lobes(folder), path, reference)
+        reference: Any = gonio.load_brdf(folder) if (Path(folder) / "brdf.npz").exists() else None
+        order = rgb_order(_names(folder))
+        if reference is not None and order != sorted(order):
+            reference = Ordered(reference, order)
+        _function(module, function)(_lobes(folder, order), path, reference)
         return path
     raise ConfigError(f"--format {format}: not one of {', '.join([*BRDF_FORMATS, *SAMPLE_FORMATS, *FIT_FORMATS])}")
 
 
-def _lobes(folder: Path):
-    """The `lobes` fit of a run's samples."""
+def _names(folder: Path) -> tuple[str, ...]:
+    return read_config(folder).material.channels
+
+
+def _lobes(folder: Path, order: list[int]):
+    """The `lobes` fit of a run's samples, their channels in an order."""
     from gonio.reconstruct import reconstruct
 
     config = read_config(folder).material
     with Store.open(folder, write=False) as store:
-        samples = load_samples(store)
+        s = load_samples(store)
+    samples = replace(s, f=s.f[:, order], sigma=s.sigma[:, order])
     return reconstruct(samples, "lobes", anisotropic=config.symmetry == "anisotropic", seed=config.seed)
 
 

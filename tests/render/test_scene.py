@@ -174,11 +174,13 @@ def test_scene_to_run(mi, tmp_path, monkeypatch):
         runs[name] = seen(m.asked[24:, :3], m.asked[24:, 3:]).mean(), reason
     assert runs["for it"][0] > 1.3 * runs["plain"][0]
     assert "estimated error in the picture" in runs["for it"][1] and "budget" in runs["plain"][1]
-    from gonio.run.products import evaluate_run, make_brdf
+    from gonio.run.products import evaluate_run, judge, make_brdf
 
     errors = []
     for name in runs:
         make_brdf(tmp_path / name)
+        line = judge(tmp_path / name)
+        assert ("Good: estimated error in the picture" in line) == (name == "for it"), line
         errors.append(evaluate_run(str(tmp_path / name), None).get("scene_error"))
     assert errors[0] is None and 0 < errors[1] < 0.3
     made().save("panel.npz")
