@@ -37,11 +37,12 @@ FIT_FORMATS = {
 
 
 def export_run(folder: Path, format: str, out: Path | None = None, spectral: bool = False) -> Path:
-    """Write the run's BRDF, its samples or the parameters of a fit, by a key of the tables below; the path written.
+    """Write the run's BRDF, its samples or the parameters of a fit, by a key of the tables above; the path written.
 
     spectral: a .bsdf of wavelengths instead of rgb. Warns (ExportWarning) of what the file cannot hold. Raises
     ConfigError, ExportError, MissingExtra.
     """
+    _refuse_place(out, format)
     if spectral:
         if format != "bsdf":
             raise ConfigError(f"--spectral: only a .bsdf can be, not {format}")
@@ -74,6 +75,18 @@ def export_run(folder: Path, format: str, out: Path | None = None, spectral: boo
         _function(module, function)(_lobes(folder, order), path, reference)
         return path
     raise ConfigError(f"--format {format}: not one of {', '.join([*BRDF_FORMATS, *SAMPLE_FORMATS, *FIT_FORMATS])}")
+
+
+def _refuse_place(out: Path | None, format: str) -> None:
+    """Raises ConfigError for a place where no file, or no folder of files, can be put."""
+    if out is None:
+        return
+    if not out.absolute().parent.is_dir():
+        raise ConfigError(f"--out {out}: there is no folder {out.parent}; make it first")
+    if format == "mountain" and out.exists() and not out.is_dir():
+        raise ConfigError(f"--out {out}: is no folder, and {format} writes several files; name another")
+    if format != "mountain" and out.exists() and not out.is_file():
+        raise ConfigError(f"--out {out}: is {'a folder' if out.is_dir() else 'no plain file'}; name a file in it")
 
 
 def _names(folder: Path) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from gonio.brdf import Brdf
 from gonio.config import ConfigError, Material
 from gonio.config.fit import refuse_misfit
+from gonio.config.instrument import TextSection
 from gonio.config.plugins import DeviceSection, names
 from gonio.config.rig import RigConfig
 from gonio.mcmc import make_sampler
@@ -86,6 +87,10 @@ def _refuse_missing_devices(rig: RigConfig) -> None:
         if isinstance(section, DeviceSection) and not section.known:
             known = ", ".join(names(section.group))
             raise ConfigError(f"{key}.driver: {section.driver} is not installed; there is {known}")
+    if rig.depth == "wire" and isinstance(detector, TextSection):
+        from sim.wire.instruments import refuse_unknown
+
+        refuse_unknown(detector.instrument.name)
     if rig.depth != "real":
         return
     for name in ("stage", *([detector] if isinstance(detector, str) else [])):

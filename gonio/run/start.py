@@ -167,6 +167,8 @@ def resume(
     if truth is None and config.material.truth is None and config.rig.depth != "real":
         raise ConfigError(f"{folder}: shows a function that it does not keep; `gonio.resume(RUN, truth=f)` goes on")
     shown, origin = find_truth(config.material, config.rig, truth)
+    if shown is not None and shown.channels != len(config.material.channels):
+        raise ConfigError(f"truth: has {shown.channels} channels, the run in {folder} {len(config.material.channels)}")
     store = Store.open(folder, write=True, **_care(config.rig))
     if overrides or stale:
         write_config(folder, config)

@@ -164,8 +164,13 @@ KINDS: dict[str, Callable[[Meter], PlainDevice]] = {
 
 def instrument(name: str, meter: Meter) -> PlainDevice:
     """The emulator of an instrument. Raises ConfigError where there is none."""
+    refuse_unknown(name)
+    return KINDS[name](meter)
+
+
+def refuse_unknown(name: str) -> None:
+    """Raises ConfigError for an instrument that has no emulator."""
     if name not in KINDS:
         raise ConfigError(
             f"detector.instrument: no emulator of {name} on rigs of depth wire; there is {', '.join(KINDS)}"
         )
-    return KINDS[name](meter)

@@ -107,7 +107,7 @@ def _free(name: str, out: Path | None, force: bool) -> Path:
     """The file to write. Raises ConfigError where there is one already, before any port is asked."""
     from gonio.config import ConfigError
 
-    path = out or Path(f"{name}.yaml")
+    path = out or Path(f"{name.removesuffix('.yaml')}.yaml")
     if path.is_dir() or (path.exists() and not force):
         raise ConfigError(f"{path}: exists already; name another with --out, or write over it with --force")
     if not path.absolute().parent.is_dir():
