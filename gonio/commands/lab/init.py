@@ -35,6 +35,7 @@ def rig(
 
     _one_of("--kinematics", kinematics, ("gantry", "gimbal"))
     _one_of("--detector", detector, ("photodiode", "camera"))
+    name = name.removesuffix(".yaml")
     path = _free(name, out, force)
     given = {"stage": stage, "photodiode": photodiode, "light": light}
     found = _found([p for p in ports or () if p not in given.values()], ports is None, look, set(given.values()))
@@ -73,6 +74,7 @@ def material(
     from gonio.config.templates import material_yaml
 
     _one_of("--symmetry", symmetry, ("isotropic", "anisotropic"))
+    name = name.removesuffix(".yaml")
     path = _free(name, out, force)
     text = material_yaml(
         name, symmetry=symmetry, channels=[c.strip() for c in channels.split(",") if c.strip()], truth=truth,
@@ -107,7 +109,7 @@ def _free(name: str, out: Path | None, force: bool) -> Path:
     """The file to write. Raises ConfigError where there is one already, before any port is asked."""
     from gonio.config import ConfigError
 
-    path = out or Path(f"{name.removesuffix('.yaml')}.yaml")
+    path = out or Path(f"{name}.yaml")
     if path.is_dir() or (path.exists() and not force):
         raise ConfigError(f"{path}: exists already; name another with --out, or write over it with --force")
     if not path.absolute().parent.is_dir():
