@@ -9,7 +9,7 @@ Nothing moves before homing is confirmed, outside the limits, or into the cone. 
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack, suppress
+from contextlib import AbstractContextManager, ExitStack
 from types import MappingProxyType
 from typing import Any
 
@@ -21,8 +21,9 @@ from gonio.config.rig import RigConfig
 from gonio.geometry import Array
 from gonio.rig.build import backlash_of, geometry_calibration, park_pose
 from gonio.rig.clock import Clock, VirtualClock
+from gonio.rig.dark_after import dark_after_errors
 from gonio.rig.devices import Detector, Light, Stage, Visited
-from gonio.rig.errors import RigError, SafetyStop
+from gonio.rig.errors import SafetyStop
 from gonio.rig.motion.approach import Approach
 from gonio.rig.motion.driver import Driver
 from gonio.rig.motion.envelope import Envelope
@@ -95,12 +96,12 @@ class StagedRig:
     def visit(self, wi: Array, wo: Array, ids: NDArray[np.int64]) -> Iterator[Visited]:
         """One measurement at a time, in the planned order; pairs that cannot be reached come last, as NaN.
 
-        Raises SafetyStop, DeviceFault; the light is off then.
+        Raises SafetyStop, DeviceFault; the light is off then, as after any other error, which halts the motors as well.
         """
         self._begin()
         wi, wo, ids = np.asarray(wi, float), np.asarray(wo, float), np.asarray(ids, np.int64)
         done = np.zeros(len(ids), bool)
-        try:
+        with self._dark_after_errors():
             self.light.on()
             self.light.level(1)
             for which, poses in self._tours(wi, wo, ids):
@@ -110,12 +111,6 @@ class StagedRig:
                     return
             if self.watch.due_at_the_end:
                 self.look()
-        except (RigError, OSError):
-            if self._ahead:
-                with suppress(RigError):
-                    self.stage.stop()
-            self.light.off()
-            raise
         rest = np.flatnonzero(~done)
         if len(rest):
             yield self._nothing(ids[rest], wi[rest], wo[rest])
@@ -178,7 +173,7 @@ class StagedRig:
         """
         if not self.watch.every or not self.watch.since:
             return
-        try:
+        with self._dark_after_errors():
             self.watch.refuse_frozen()
             at = self.stage.pose()
             seen = self.watch.nearest(lambda poses: self._seconds(poses - at))
@@ -187,9 +182,6 @@ class StagedRig:
             elif not self._stop.is_set() and self._go(seen.pose) is not None:
                 self.clock.sleep(self.config.settle_s)
                 self.watch.look(seen, self.levels.dark(self.watch.since[-1]))
-        except RigError:
-            self.light.off()
-            raise
 
     def _predict(self, wi: Array, wo: Array) -> Array | None:
         """f (M, C) that the surrogate expects; None where it is not asked, or does not know."""
@@ -214,17 +206,20 @@ class StagedRig:
         return Visited(ids, wi, wo, nan, nan, np.zeros(n, bool), ({},) * n, np.zeros(n))
 
     def _begin(self) -> None:
-        """A new task: stops asked for before it are over."""
+        """A new task: stops asked for before it are over, and so is a motion that the one before began ahead."""
+        if self._ahead:
+            self._ahead.submit(lambda: None).result()
         self._stop.clear()
         self.stage.allow()
 
+    def _dark_after_errors(self) -> AbstractContextManager[None]:
+        ahead = self.stage.stop if self._ahead else lambda: None
+        return dark_after_errors(self.light.off, self.stop, ahead)
+
     def state(self) -> dict[str, Any]:
         """Levels, and the tour under way; of simulated devices, also where they are."""
-        state: dict[str, Any] = {
-            "levels": self.levels.state(),
-            "tour": self._pending.text,
-            "done": self._pending.done,
-        }
+        levels, pending = self.levels.state(), self._pending
+        state: dict[str, Any] = {"levels": levels, "tour": pending.text, "done": pending.done}
         if isinstance(self.clock, VirtualClock):
             state["clock_s"] = self.clock.now()
             state["devices"] = {name: device.state() for name, device in self._resumable()}
@@ -267,9 +262,8 @@ class StagedRig:
         goal = self.envelope.snap(self.stage.pose() + step)
         at = self._go(goal) if self.envelope.inside(goal) else None
         if at is None:
-            raise SafetyStop(
-                f"{axis}: {np.degrees(angle):+.2f} degrees leads out of its limits or into the stay-out cone"
-            )
+            way = f"{np.degrees(angle):+.2f} degrees"
+            raise SafetyStop(f"{axis}: {way} leads out of its limits or into the stay-out cone")
         return at
 
     def home(self) -> None:
