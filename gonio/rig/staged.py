@@ -24,6 +24,7 @@ from gonio.rig.clock import Clock, VirtualClock
 from gonio.rig.dark_after import dark_after_errors
 from gonio.rig.devices import Detector, Light, Stage, Visited
 from gonio.rig.errors import SafetyStop
+from gonio.rig.guarded import GuardedDetector, GuardedLight, GuardedStage
 from gonio.rig.motion.approach import Approach
 from gonio.rig.motion.driver import Driver
 from gonio.rig.motion.envelope import Envelope
@@ -68,6 +69,10 @@ class StagedRig:
     ):
         self.config, self.envelope, self.plan = config, envelope, plan
         self.stage, self.detector, self.light = stage, detector, light
+        own = simulated  # what a simulated device raises may come of the code of whoever made its sample
+        blind, channels = simulated or config.detector == "camera", len(radiometry.gain)
+        self._stage, self._light = stage, light = GuardedStage(stage, "stage", own), GuardedLight(light, "light", own)
+        self._detector = detector = GuardedDetector(detector, "detector", own, channels, blind)
         self.radiometry, self.clock, self.simulated = radiometry, clock, simulated
         self.announce, self._release = announce, release
         self.planner = Planner(envelope, plan, isotropic)
@@ -102,8 +107,8 @@ class StagedRig:
         wi, wo, ids = np.asarray(wi, float), np.asarray(wo, float), np.asarray(ids, np.int64)
         done = np.zeros(len(ids), bool)
         with self._dark_after_errors():
-            self.light.on()
-            self.light.level(1)
+            self._light.on()
+            self._light.level(1)
             for which, poses in self._tours(wi, wo, ids):
                 done[which] = True
                 yield from self._drive(wi[which], wo[which], ids[which], poses)
@@ -120,7 +125,7 @@ class StagedRig:
         numbers, poses = self._pending.left()
         place = {int(n): k for k, n in enumerate(ids)}
         # as if no look had led elsewhere: when looks are made must not decide how a pair is shown
-        start = self.stage.pose() if self._measured_at is None else self._measured_at
+        start = self._stage.pose() if self._measured_at is None else self._measured_at
         left = np.arange(len(ids))
         if numbers and all(n in place for n in numbers):
             which = np.array([place[n] for n in numbers])
@@ -135,7 +140,7 @@ class StagedRig:
         """Measure at each pose (M, A) of a tour."""
         begun = self.clock.now()
         predicted = self._predict(wi, wo)
-        before = np.concatenate([self.stage.pose()[None], poses[:-1]])
+        before = np.concatenate([self._stage.pose()[None], poses[:-1]])
         straight = self.envelope.path_clear(before, poses)  # of all at once: one by one it takes far longer
         moving: Future[Array | None] | None = None
         for k, number in enumerate(ids.tolist()):
@@ -153,7 +158,7 @@ class StagedRig:
             else:
                 self.clock.sleep(self.config.settle_s)
                 if predicted is not None:
-                    self.detector.expect(self.radiometry.expected(predicted[k], wi[k], wo[k], self.config.exposure_s))
+                    self._detector.expect(self.radiometry.expected(predicted[k], wi[k], wo[k], self.config.exposure_s))
                 seen = self._measure(number, poses[k], at, dark, begun)
                 self.levels.count()
             begun = self.clock.now()
@@ -175,7 +180,7 @@ class StagedRig:
             return
         with self._dark_after_errors():
             self.watch.refuse_frozen()
-            at = self.stage.pose()
+            at = self._stage.pose()
             seen = self.watch.nearest(lambda poses: self._seconds(poses - at))
             if seen is None:
                 self.watch.ask_only()
@@ -188,7 +193,7 @@ class StagedRig:
         return self.surrogate(wi, wo) if self.plan.predict_range and self.surrogate is not None else None
 
     def _measure(self, number: int, pose: Array, at: Array, dark: Dark, begun: float) -> Visited:
-        reading = self.detector.read(self.config.exposure_s)
+        reading = self._detector.read(self.config.exposure_s)
         wi, wo = self.envelope.kinematics.forward(at)
         f, sigma = self.radiometry.reduce(reading, dark, wi, wo, self.levels.drift, self.levels.drift_sigma)
         if not self.config.use_achieved and np.any(np.abs(at - pose) > 1.5 * self.envelope.resolution + 1e-9):
@@ -210,11 +215,11 @@ class StagedRig:
         if self._ahead:
             self._ahead.submit(lambda: None).result()
         self._stop.clear()
-        self.stage.allow()
+        self._stage.allow()
 
     def _dark_after_errors(self) -> AbstractContextManager[None]:
-        ahead = self.stage.stop if self._ahead else lambda: None
-        return dark_after_errors(self.light.off, self.stop, ahead)
+        ahead = self._stage.stop if self._ahead else lambda: None
+        return dark_after_errors(self._light.off, self.stop, ahead)
 
     def state(self) -> dict[str, Any]:
         """Levels, and the tour under way; of simulated devices, also where they are."""
@@ -246,7 +251,7 @@ class StagedRig:
         """
         self._begin()
         self._measured_at = None
-        tour = next(self.planner.tours(wi, wo, self.stage.pose()), None)
+        tour = next(self.planner.tours(wi, wo, self._stage.pose()), None)
         at = None if tour is None else self._go(tour.poses[0])
         if at is None:
             raise SafetyStop(f"rig {self.config.name}: that pair of directions is out of reach; not driven there")
@@ -259,7 +264,7 @@ class StagedRig:
         self._measured_at = None
         step = np.zeros(len(self.config.axis_names))
         step[dict(zip(self.config.axis_names, range(len(step))))[axis]] = angle
-        goal = self.envelope.snap(self.stage.pose() + step)
+        goal = self.envelope.snap(self._stage.pose() + step)
         at = self._go(goal) if self.envelope.inside(goal) else None
         if at is None:
             way = f"{np.degrees(angle):+.2f} degrees"
@@ -268,18 +273,18 @@ class StagedRig:
 
     def home(self) -> None:
         """Confirm the zero of every axis. Raises DeviceFault."""
-        self.stage.home()
+        self._stage.home()
 
     def park(self) -> None:
         """Light off, arms to the pose of rest by a clear way."""
-        self.light.off()
+        self._light.off()
         self._begin()
         self._measured_at = None
         self._go(self._rest)
 
     def stop(self) -> None:
         self._stop.set()
-        self.stage.stop()
+        self._stage.stop()
 
     def close(self) -> None:
         halted = self._stop.is_set()
@@ -288,7 +293,7 @@ class StagedRig:
             last_first.callback(self._release)
             if halted or self._ahead:
                 last_first.callback(self.clock.sleep, BRAKING_S)
-            last_first.callback(self.light.off)
+            last_first.callback(self._light.off)
             if self._ahead:  # a motion begun ahead of its turn has nobody who waits for its end
                 last_first.callback(self._ahead.shutdown)
-                last_first.callback(self.stage.stop)
+                last_first.callback(self._stage.stop)
