@@ -10,6 +10,7 @@ from gonio.config.instrument import Instrument, factor_of
 from gonio.geometry import Array
 
 SCPI_NAN = 9.905e37  # and above: what SCPI instruments say for "not a number"; 9.9E37 is their overload
+SCPI_OVERLOAD = 9.0e37  # and above: an overload, where the description does not say what one looks like
 LONGEST_NUMBER = 40
 
 
@@ -52,10 +53,16 @@ class Answers:
         values = np.array(numbers)
         if (np.abs(values) >= SCPI_NAN).any():
             raise ValueError("not a number, by SCPI's convention (9.91E37)")
-        if self.i.overload_above is not None and (np.abs(values) > self.i.overload_above).any():
+        if self._too_much(np.abs(values)):
             return Answer(nothing, True, said, text)
         unit = groups.get("unit")
         return Answer(values * (factor_of(unit, self.i.unit) if unit else 1.0), False, said, text)
+
+    def _too_much(self, sizes: Array) -> bool:
+        """Whether any of the numbers means overload: by the description or, where it names none, by SCPI's 9.9E37."""
+        if self.i.overload_above is not None:
+            return bool((sizes > self.i.overload_above).any())
+        return self.i.overload is None and bool((sizes >= SCPI_OVERLOAD).any())
 
     def _number(self, text: str) -> float:
         text = text.strip()

@@ -9,7 +9,7 @@ Nothing moves before homing is confirmed, outside the limits, or into the cone. 
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack, suppress
+from contextlib import AbstractContextManager, ExitStack
 from types import MappingProxyType
 from typing import Any
 
@@ -21,8 +21,10 @@ from gonio.config.rig import RigConfig
 from gonio.geometry import Array
 from gonio.rig.build import backlash_of, geometry_calibration, park_pose
 from gonio.rig.clock import Clock, VirtualClock
+from gonio.rig.dark_after import dark_after_errors
 from gonio.rig.devices import Detector, Light, Stage, Visited
-from gonio.rig.errors import RigError, SafetyStop
+from gonio.rig.errors import SafetyStop
+from gonio.rig.guarded import GuardedDetector, GuardedLight, GuardedStage
 from gonio.rig.motion.approach import Approach
 from gonio.rig.motion.driver import Driver
 from gonio.rig.motion.envelope import Envelope
@@ -67,6 +69,10 @@ class StagedRig:
     ):
         self.config, self.envelope, self.plan = config, envelope, plan
         self.stage, self.detector, self.light = stage, detector, light
+        own = simulated  # what a simulated device raises may come of the code of whoever made its sample
+        blind, channels = simulated or config.detector == "camera", len(radiometry.gain)
+        self._stage, self._light = stage, light = GuardedStage(stage, "stage", own), GuardedLight(light, "light", own)
+        self._detector = detector = GuardedDetector(detector, "detector", own, channels, blind)
         self.radiometry, self.clock, self.simulated = radiometry, clock, simulated
         self.announce, self._release = announce, release
         self.planner = Planner(envelope, plan, isotropic)
@@ -95,14 +101,14 @@ class StagedRig:
     def visit(self, wi: Array, wo: Array, ids: NDArray[np.int64]) -> Iterator[Visited]:
         """One measurement at a time, in the planned order; pairs that cannot be reached come last, as NaN.
 
-        Raises SafetyStop, DeviceFault; the light is off then.
+        Raises SafetyStop, DeviceFault; the light is off then, as after any other error, which halts the motors as well.
         """
         self._begin()
         wi, wo, ids = np.asarray(wi, float), np.asarray(wo, float), np.asarray(ids, np.int64)
         done = np.zeros(len(ids), bool)
-        try:
-            self.light.on()
-            self.light.level(1)
+        with self._dark_after_errors():
+            self._light.on()
+            self._light.level(1)
             for which, poses in self._tours(wi, wo, ids):
                 done[which] = True
                 yield from self._drive(wi[which], wo[which], ids[which], poses)
@@ -110,12 +116,6 @@ class StagedRig:
                     return
             if self.watch.due_at_the_end:
                 self.look()
-        except (RigError, OSError):
-            if self._ahead:
-                with suppress(RigError):
-                    self.stage.stop()
-            self.light.off()
-            raise
         rest = np.flatnonzero(~done)
         if len(rest):
             yield self._nothing(ids[rest], wi[rest], wo[rest])
@@ -125,7 +125,7 @@ class StagedRig:
         numbers, poses = self._pending.left()
         place = {int(n): k for k, n in enumerate(ids)}
         # as if no look had led elsewhere: when looks are made must not decide how a pair is shown
-        start = self.stage.pose() if self._measured_at is None else self._measured_at
+        start = self._stage.pose() if self._measured_at is None else self._measured_at
         left = np.arange(len(ids))
         if numbers and all(n in place for n in numbers):
             which = np.array([place[n] for n in numbers])
@@ -140,7 +140,7 @@ class StagedRig:
         """Measure at each pose (M, A) of a tour."""
         begun = self.clock.now()
         predicted = self._predict(wi, wo)
-        before = np.concatenate([self.stage.pose()[None], poses[:-1]])
+        before = np.concatenate([self._stage.pose()[None], poses[:-1]])
         straight = self.envelope.path_clear(before, poses)  # of all at once: one by one it takes far longer
         moving: Future[Array | None] | None = None
         for k, number in enumerate(ids.tolist()):
@@ -158,7 +158,7 @@ class StagedRig:
             else:
                 self.clock.sleep(self.config.settle_s)
                 if predicted is not None:
-                    self.detector.expect(self.radiometry.expected(predicted[k], wi[k], wo[k], self.config.exposure_s))
+                    self._detector.expect(self.radiometry.expected(predicted[k], wi[k], wo[k], self.config.exposure_s))
                 seen = self._measure(number, poses[k], at, dark, begun)
                 self.levels.count()
             begun = self.clock.now()
@@ -178,25 +178,22 @@ class StagedRig:
         """
         if not self.watch.every or not self.watch.since:
             return
-        try:
+        with self._dark_after_errors():
             self.watch.refuse_frozen()
-            at = self.stage.pose()
+            at = self._stage.pose()
             seen = self.watch.nearest(lambda poses: self._seconds(poses - at))
             if seen is None:
                 self.watch.ask_only()
             elif not self._stop.is_set() and self._go(seen.pose) is not None:
                 self.clock.sleep(self.config.settle_s)
                 self.watch.look(seen, self.levels.dark(self.watch.since[-1]))
-        except RigError:
-            self.light.off()
-            raise
 
     def _predict(self, wi: Array, wo: Array) -> Array | None:
         """f (M, C) that the surrogate expects; None where it is not asked, or does not know."""
         return self.surrogate(wi, wo) if self.plan.predict_range and self.surrogate is not None else None
 
     def _measure(self, number: int, pose: Array, at: Array, dark: Dark, begun: float) -> Visited:
-        reading = self.detector.read(self.config.exposure_s)
+        reading = self._detector.read(self.config.exposure_s)
         wi, wo = self.envelope.kinematics.forward(at)
         f, sigma = self.radiometry.reduce(reading, dark, wi, wo, self.levels.drift, self.levels.drift_sigma)
         if not self.config.use_achieved and np.any(np.abs(at - pose) > 1.5 * self.envelope.resolution + 1e-9):
@@ -214,17 +211,20 @@ class StagedRig:
         return Visited(ids, wi, wo, nan, nan, np.zeros(n, bool), ({},) * n, np.zeros(n))
 
     def _begin(self) -> None:
-        """A new task: stops asked for before it are over."""
+        """A new task: stops asked for before it are over, and so is a motion that the one before began ahead."""
+        if self._ahead:
+            self._ahead.submit(lambda: None).result()
         self._stop.clear()
-        self.stage.allow()
+        self._stage.allow()
+
+    def _dark_after_errors(self) -> AbstractContextManager[None]:
+        ahead = self._stage.stop if self._ahead else lambda: None
+        return dark_after_errors(self._light.off, self.stop, ahead)
 
     def state(self) -> dict[str, Any]:
         """Levels, and the tour under way; of simulated devices, also where they are."""
-        state: dict[str, Any] = {
-            "levels": self.levels.state(),
-            "tour": self._pending.text,
-            "done": self._pending.done,
-        }
+        levels, pending = self.levels.state(), self._pending
+        state: dict[str, Any] = {"levels": levels, "tour": pending.text, "done": pending.done}
         if isinstance(self.clock, VirtualClock):
             state["clock_s"] = self.clock.now()
             state["devices"] = {name: device.state() for name, device in self._resumable()}
@@ -251,7 +251,7 @@ class StagedRig:
         """
         self._begin()
         self._measured_at = None
-        tour = next(self.planner.tours(wi, wo, self.stage.pose()), None)
+        tour = next(self.planner.tours(wi, wo, self._stage.pose()), None)
         at = None if tour is None else self._go(tour.poses[0])
         if at is None:
             raise SafetyStop(f"rig {self.config.name}: that pair of directions is out of reach; not driven there")
@@ -264,28 +264,27 @@ class StagedRig:
         self._measured_at = None
         step = np.zeros(len(self.config.axis_names))
         step[dict(zip(self.config.axis_names, range(len(step))))[axis]] = angle
-        goal = self.envelope.snap(self.stage.pose() + step)
+        goal = self.envelope.snap(self._stage.pose() + step)
         at = self._go(goal) if self.envelope.inside(goal) else None
         if at is None:
-            raise SafetyStop(
-                f"{axis}: {np.degrees(angle):+.2f} degrees leads out of its limits or into the stay-out cone"
-            )
+            way = f"{np.degrees(angle):+.2f} degrees"
+            raise SafetyStop(f"{axis}: {way} leads out of its limits or into the stay-out cone")
         return at
 
     def home(self) -> None:
         """Confirm the zero of every axis. Raises DeviceFault."""
-        self.stage.home()
+        self._stage.home()
 
     def park(self) -> None:
         """Light off, arms to the pose of rest by a clear way."""
-        self.light.off()
+        self._light.off()
         self._begin()
         self._measured_at = None
         self._go(self._rest)
 
     def stop(self) -> None:
         self._stop.set()
-        self.stage.stop()
+        self._stage.stop()
 
     def close(self) -> None:
         halted = self._stop.is_set()
@@ -294,7 +293,7 @@ class StagedRig:
             last_first.callback(self._release)
             if halted or self._ahead:
                 last_first.callback(self.clock.sleep, BRAKING_S)
-            last_first.callback(self.light.off)
+            last_first.callback(self._light.off)
             if self._ahead:  # a motion begun ahead of its turn has nobody who waits for its end
                 last_first.callback(self._ahead.shutdown)
-                last_first.callback(self.stage.stop)
+                last_first.callback(self._stage.stop)

@@ -65,6 +65,7 @@ def test_numbers_as_they_come(bench, answer, keys, value, end):
         ("inf", {}, "'inf' is not a number"),
         ("1_000", {}, "'1_000' is not a number"),
         ("1e999", {}, "is too large a number"),
+        ("9.91E37", {}, "not a number, by SCPI's convention"),
         ("9.91E37", {"overload_above": 9e37}, "not a number, by SCPI's convention"),
         ("0,25", {}, "a comma where `decimal` says point"),
         ("0.25", {"decimal": "comma"}, "a point where `decimal` says comma"),
@@ -89,6 +90,9 @@ def test_what_is_refused_is_shown(bench, answer, keys, words):
         ("-- OL --", {"overload": "OVER|OL"}),
         ("9.9E37", {"overload_above": 1e37}),
         ("-9.9E37", {"overload_above": 1e37}),
+        ("9.9E37", {}),
+        ("-9.9E37", {}),
+        ("+9.0E+37", {}),
         ("1.2 !", {"answer": r"(?P<value>[\d.]+)\s*(?P<overload>!?)"}),
     ],
 )
