@@ -18,6 +18,7 @@ from gonio.config.rig import RigConfig
 from gonio.geometry import Array
 from gonio.importing import QUANTITIES, CannotImport, Readings
 from gonio.importing.doubt import Doubts, doubts, turns_with_sample
+from gonio.importing.pab import files_of
 from gonio.mcmc.chain.steps import Steps
 from gonio.mcmc.proposals import IMPORTED
 from gonio.run.record.config import Imported, RunConfig, dump
@@ -96,9 +97,10 @@ def write_run(out: Path, taken: Taken, readings: Readings, paths: list[Path], na
     """The run folder, whole or not at all. Raises StoreError where it cannot be made, ConfigError."""
     refuse_folder(out)
     out.parent.mkdir(parents=True, exist_ok=True)
+    files = [f for p in paths for f in (files_of(p) if p.is_dir() else [p])]
     imported = Imported(
-        files=tuple(p.name for p in paths),
-        sha256=tuple(_sha256(p) for p in paths),
+        files=tuple(p.name for p in files),
+        sha256=tuple(_sha256(p) for p in files),
         format=readings.format,
         quantity=taken.quantity,
         mapping=readings.mapping,

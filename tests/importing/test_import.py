@@ -129,3 +129,13 @@ def test_a_mistake_is_one_line(words, says, tmp_path, monkeypatch):
     done = gonio("import", *words, "--out", "run")
     assert done.returncode == 2 and says in done.stderr and done.stderr.count("\n") == 1, done.stderr
     assert not (tmp_path / "run").exists()
+
+
+def test_a_folder_of_pab_becomes_a_run_of_its_files(tmp_path):
+    (tmp_path / "panel").mkdir()
+    for angle in (10, 50):
+        (tmp_path / "panel" / f"a{angle}.txt").write_text(files.pab(angle))
+    done = gonio("import", tmp_path / "panel", "--out", tmp_path / "run")
+    assert done.returncode == 0, done.stderr
+    found = read_config(tmp_path / "run").imported
+    assert found.files == ("a10.txt", "a50.txt") and len(set(found.sha256)) == 2
