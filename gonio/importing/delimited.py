@@ -18,9 +18,9 @@ import numpy as np
 from gonio.geometry import Array
 from gonio.importing import CannotImport, Readings
 from gonio.importing import directions as d
+from gonio.importing.columns.units import kept
 from gonio.importing.roles import HALF, SPHERICAL, VECTORS, Mapping, checked
 from gonio.importing.text import MOST_BYTES, MOST_CHANNELS, channel_names, read_bytes, read_lines
-from gonio.importing.units import kept
 
 CHUNK = 20_000  # rows turned into numbers at a time
 LOOKED_AT = 50  # rows from which separators are seen

@@ -1,6 +1,7 @@
 """Which column is what: guessed from a header, corrected by hand, shown as a table.
 
-A role is a quantity of DIRECTIONS, `f`, `sigma`, `saturated` (not 0: the row is left out) or `-` (not used); values and their sigmas have a channel. A header
+A role is a quantity of DIRECTIONS, `f`, `sigma`, `saturated` (not 0: the row is left out) or `-` (not used);
+values and their sigmas have a channel. A header
 as gonio's own exports write it (`theta_i_deg`, ..., `f_R`) is no guess.
 """
 
@@ -8,7 +9,7 @@ import re
 from dataclasses import dataclass, replace
 
 from gonio.importing import QUANTITIES, CannotImport
-from gonio.importing.units import split, tristimulus
+from gonio.importing.columns.names import split
 
 SPHERICAL = ("theta_i", "phi_i", "theta_o", "phi_o")
 RELATIVE = ("theta_i", "theta_o", "phi")
@@ -119,7 +120,7 @@ def guess(names: list[str]) -> Mapping:
             column, kind = found
             columns[k] = column
             quantity = quantity or kind
-    return Mapping(tuple(_sigmas(tristimulus(_colours(_one_kind(columns), names)))), quantity)
+    return Mapping(tuple(_sigmas(_tristimulus(_colours(_one_kind(columns), names)))), quantity)
 
 
 def by_hand(mapping: Mapping, given: list[str]) -> Mapping:
@@ -137,14 +138,13 @@ def by_hand(mapping: Mapping, given: list[str]) -> Mapping:
         if role in QUANTITIES:
             quantity, role = role, "f"
         if role not in (*DIRECTIONS, "f", "sigma", "saturated", "-"):
-            raise CannotImport(
-                f"--column {text}: no role {role!r}; they are {', '.join((*DIRECTIONS, *QUANTITIES))}, sigma, saturated, -"
-            )
+            known = ", ".join((*DIRECTIONS, *QUANTITIES, "sigma", "saturated", "-"))
+            raise CannotImport(f"--column {text}: no role {role!r}; they are {known}")
         old = columns[at[0]]
         columns[at[0]] = replace(
             old, role=role, channel=channel or (old.channel if role in ("f", "sigma") else ""), how="by hand"
         )
-    return Mapping(tuple(tristimulus(columns)), quantity)
+    return Mapping(tuple(_tristimulus(columns)), quantity)
 
 
 def checked(mapping: Mapping, source: str) -> tuple[str, ...]:
@@ -251,6 +251,13 @@ def _colours(columns: list[Column], names: list[str]) -> list[Column]:
             at = {bare.index(letter): letter.upper() for letter in colours}
             return [replace(c, role="f", channel=at[k], how="guess") if k in at else c for k, c in enumerate(columns)]
     return columns
+
+
+def _tristimulus(columns: list[Column]) -> list[Column]:
+    """Channels x, y, z in any case are X, Y, Z where they are all three and no other is."""
+    if sorted(c.channel.lower() for c in columns if c.role == "f") != ["x", "y", "z"]:
+        return columns
+    return [replace(c, channel=c.channel.upper()) if c.role in ("f", "sigma") else c for c in columns]
 
 
 def _one_kind(columns: list[Column]) -> list[Column]:

@@ -1,5 +1,7 @@
 """What the names of columns say of their units, and rows that say they are saturated."""
 
+import json
+
 import numpy as np
 import pytest
 from importing import files
@@ -72,3 +74,32 @@ def test_tristimulus_values_in_any_case_and_order(names, tmp_path):
     t = opened(written(tmp_path, ["theta_i", "theta_o", "phi", *names.split()], data), value="f")
     assert t.channels == ("R", "G", "B")
     np.testing.assert_allclose(t.f, files.BRDF.eval(t.wi, t.wo), rtol=2e-3, atol=2e-4)
+
+
+def json_with(tmp_path, **units):
+    """The BRDF-JSON of `files` with other units (and values to match, where given)."""
+    whole = json.loads(files.brdf_json())
+    for key, (unit, factor) in units.items():
+        item = whole["data"][key]
+        item["unit"], item["values"] = unit, [v * factor for v in item["values"]]
+    (tmp_path / "x.brdf").write_text(json.dumps(whole))
+    return opened(tmp_path / "x.brdf")
+
+
+@pytest.mark.parametrize("unit", ["relative", "1", "%"])
+def test_relative_uncertainty_in_brdf_json(unit, tmp_path):
+    t = json_with(tmp_path, uBRDF=(unit, 1.0 if unit == "%" else 0.01), BRDF=("%", 100.0))
+    np.testing.assert_allclose(t.f, files.GREY.eval(t.wi, t.wo) * [1.0, 0.5], rtol=1e-6)
+    np.testing.assert_allclose(t.sigma, 0.02 * t.f, rtol=1e-6)
+    assert any("per cent" in line for line in t.said)
+
+
+@pytest.mark.parametrize("unit, factor", [("m", 1e-9), ("µm", 1e-3), ("μm", 1e-3), ("Å", 10), ("nm", 1)])
+def test_wavelengths_in_brdf_json(unit, factor, tmp_path):
+    assert json_with(tmp_path, wavelength_i=(unit, factor)).channels == ("550nm", "650nm")
+
+
+@pytest.mark.parametrize("key", ["BRDF", "uBRDF", "wavelength_i"])
+def test_other_units_in_brdf_json_are_refused(key, tmp_path):
+    with pytest.raises(CannotImport, match=rf"data\.{key}\.unit: 'furlong'"):
+        json_with(tmp_path, **{key: ("furlong", 1)})

@@ -1,48 +1,19 @@
-"""Units in the names of columns, and values that come in another unit than they are kept in."""
+"""Values that come in another unit than they are kept in, as the names of their columns say."""
 
 import re
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gonio.geometry import Array
 from gonio.importing import CannotImport
+from gonio.importing.columns.names import bracket
+from gonio.importing.roles import Column, Mapping
 
-if TYPE_CHECKING:
-    from gonio.importing.roles import Column, Mapping
-
-ANGLES = {"deg": "degrees", "degree": "degrees", "degrees": "degrees", "°": "degrees", "rad": "radians",
-          "radian": "radians", "radians": "radians"}  # fmt: skip
 PLAIN = ("", "-", "1", "1/sr", "sr^-1", "sr-1", "sr⁻¹", "sr**-1", "sr^(-1", "/sr")
-_BRACKET = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]+\s*$")
 _NANOMETRES = re.compile(r"\d{3,4}(\.\d+)?\s*[\[(]\s*nm\s*[\])]")
 
 
-def split(name: str) -> tuple[str, str]:
-    """(name without its unit, lower case; degrees, radians or "")."""
-    text = name.strip().lower()
-    if found := _BRACKET.search(text):
-        return text[: found.start()].strip(), ANGLES.get(found[1], "")
-    head, _, tail = text.rpartition("_")
-    return (head, ANGLES[tail]) if head and tail in ANGLES else (text, "")
-
-
-def bracket(name: str) -> str:
-    """What stands in brackets at the end of a name, "" where nothing does."""
-    found = _BRACKET.search(name)
-    return found[1].strip() if found else ""
-
-
-def tristimulus(columns: Sequence["Column"]) -> list["Column"]:
-    """Channels x, y, z in any case are X, Y, Z where they are all three and no other is."""
-    if sorted(c.channel.lower() for c in columns if c.role == "f") != ["x", "y", "z"]:
-        return list(columns)
-    return [replace(c, channel=c.channel.upper()) if c.role in ("f", "sigma") else c for c in columns]
-
-
-def kept(mapping: "Mapping", at: list[int], value: Array, sigma: Array, source: str) -> tuple[Array, Array, list[str]]:
+def kept(mapping: Mapping, at: list[int], value: Array, sigma: Array, source: str) -> tuple[Array, Array, list[str]]:
     """value (N, C) and sigma (N, C) of the columns `at`, without the percents that the names give; and what was done.
 
     Raises CannotImport for another unit of a column that was not named by hand.
@@ -69,7 +40,7 @@ def kept(mapping: "Mapping", at: list[int], value: Array, sigma: Array, source: 
     return value, sigma, said
 
 
-def _refuse_other(c: "Column", quantity: str | None, source: str) -> None:
+def _refuse_other(c: Column, quantity: str | None, source: str) -> None:
     unit = bracket(c.name)
     if c.role not in ("f", "sigma") or c.how == "by hand" or unit == "%" or unit.replace(" ", "").lower() in PLAIN:
         return
