@@ -34,6 +34,7 @@ class Readings:
     format    a key of `gonio.importing.formats.FORMATS`
     mapping   what was taken as what, for the record
     said      lines about what was guessed or left out
+    symmetry  isotropic or anisotropic where the file says it
     """
 
     wi: Array
@@ -45,6 +46,7 @@ class Readings:
     format: str
     mapping: dict[str, str]
     said: tuple[str, ...] = ()
+    symmetry: str | None = None
 
     def __len__(self) -> int:
         return len(self.value)

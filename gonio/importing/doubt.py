@@ -21,6 +21,7 @@ BRIGHT = 0.8  # power of the value that a pair counts with
 SURE = 0.45  # half width of the interval of 95 % of s
 TOO_MUCH = 1.15  # reflectance
 NORMAL_DEG = 1.6  # all directions within this of the normal: radians read as degrees
+TURNED, RANGES = 40_000, 18  # readings among which azimuths are compared, and ranges of them in half a turn
 BELOW = 0.25  # share of directions below the horizon
 
 
@@ -167,19 +168,42 @@ def _rank_correlation(x: Array, y: Array) -> float:
 
 
 def turns_with_sample(wi: Array, wo: Array, f: Array) -> bool:
-    """Whether readings at one place of the isotropic frame differ more where the light's azimuths are further apart."""
+    """Whether readings at one place of the isotropic frame differ more where the light's azimuths are further apart.
+
+    Each of some readings is compared with the nearest of its own azimuths, and with the nearest of each other range of
+    azimuths where that is no further away: on a lattice those stand at the very same place. Most of a dull surface
+    hardly turns, so that a quantile above the median counts too.
+    """
     from scipy.spatial import cKDTree
 
-    some = np.random.default_rng(0).permutation(len(f))[:LOOKED_AT]
+    some = np.random.default_rng(0).permutation(len(f))[:TURNED]
     slanting = some[(wi[some, 2] < 0.99) & (f[some].mean(1) > 0)]
     if len(slanting) < 4 * FEWEST:
         return False
     a, b, v = wi[slanting], wo[slanting], np.log(f[slanting].mean(1))
-    phi = np.arctan2(a[:, 1], a[:, 0])
-    _, k = cKDTree(_place(a, b)).query(_place(a, b), k=9)
-    gap = np.abs(np.angle(np.exp(2j * (phi[k[:, 1:]] - phi[:, None])))) / 2
-    difference = np.abs(v[k[:, 1:]] - v[:, None])
-    far, near = difference[gap > np.radians(20)], difference[gap < np.radians(8)]
-    if min(len(far), len(near)) < FEWEST:
-        return bool(len(far) >= FEWEST and np.median(far) > 0.15)
-    return bool(np.median(far) > 1.5 * np.median(near) + 0.05)
+    phi = np.arctan2(a[:, 1], a[:, 0]) % np.pi  # turned by half a turn, most surfaces are the same
+    group = np.round(phi / np.pi * RANGES).astype(int) % RANGES
+    place = _place(a, b)
+    asked = np.arange(min(len(v), LOOKED_AT // 2))
+    near, near_by = np.full((2, len(asked)), np.nan)
+    far, far_by = [], []
+    for g in range(RANGES):
+        members = np.flatnonzero(group == g)
+        if len(members) < 3:
+            continue
+        distance, k = cKDTree(place[members]).query(place[asked], k=2)
+        other = (members[k[:, 0]] == asked).astype(int)  # not itself
+        distance, k = distance[asked, other], members[k[asked, other]]
+        difference = np.abs(v[k] - v[asked])
+        own = group[asked] == g
+        near[own], near_by[own] = difference[own], distance[own]
+        gap = np.abs(np.angle(np.exp(2j * (phi[k] - phi[asked])))) / 2
+        far.append(difference)
+        far_by.append(np.where(gap > np.radians(20), distance, np.inf))
+    if not far:
+        return False
+    row, at = np.nonzero(np.array(far_by) <= 1.2 * near_by + 1e-6)
+    if len(np.unique(at)) < FEWEST:
+        return False
+    apart, beside = np.quantile(np.array(far)[row, at], (0.5, 0.8)), np.quantile(near[at], (0.5, 0.8))
+    return bool((apart > 1.25 * beside + 0.05).any())

@@ -72,7 +72,10 @@ def take(readings: Readings, *, quantity: str | None, scale: float | None, symme
         raise CannotImport(f"none of {len(readings)} readings is usable: {'; '.join(said)}")
     if not np.isfinite(f).all() or np.abs(f).max() > 1e12:
         raise CannotImport(f"values up to {np.nanmax(np.abs(f)):.3g} 1/sr are no BRDF; check --value, --scale")
-    if symmetry is None:
+    if symmetry is None and readings.symmetry is not None:
+        isotropic = readings.symmetry == "isotropic"
+        said.append(f"taken as {readings.symmetry}, as the file says (--symmetry for the other)")
+    elif symmetry is None:
         isotropic = not turns_with_sample(wi, wo, f)
         said.append(f"taken as {'isotropic' if isotropic else 'anisotropic'} (--symmetry for the other)")
     else:
