@@ -18,6 +18,7 @@ import numpy as np
 from gonio.geometry import Array
 from gonio.importing import CannotImport, Readings
 from gonio.importing import directions as d
+from gonio.importing.columns.repeats import overlooked, varying
 from gonio.importing.columns.units import kept
 from gonio.importing.roles import HALF, SPHERICAL, VECTORS, Mapping, checked
 from gonio.importing.text import MOST_BYTES, MOST_CHANNELS, channel_names, read_bytes, read_lines
@@ -195,6 +196,10 @@ def read_table(table: Table, mapping: Mapping, choices: Choices, format: str) ->
     if clipped.any():
         said.append(f"{clipped.sum()} of {len(data)} readings are saturated and are left out")
     good, said = ~clipped, said + units
+    doubt = None
+    if roles == ("theta_i", "theta_o"):
+        unused = varying([c.name for c in mapping.columns if c.role == "-"], table)
+        doubt = overlooked(data[good, 0], data[good, 1], value[good], sigma[good], unused)
     return Readings(
         wi[good],
         wo[good],
@@ -205,6 +210,7 @@ def read_table(table: Table, mapping: Mapping, choices: Choices, format: str) ->
         format,
         mapping.to_json(),
         tuple(said),
+        doubts=(doubt,) if doubt else (),
     )
 
 

@@ -5,7 +5,7 @@ import os
 import platform
 import re
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +81,7 @@ def take(readings: Readings, *, quantity: str | None, scale: float | None, symme
     else:
         isotropic = symmetry == "isotropic"
     found = doubts(wi, wo, f, below, quantity, isotropic)
+    found = replace(found, lines=(*readings.doubts, *found.lines))
     return Taken(wi, wo, f, sigma, channels, quantity, isotropic, tuple(said), found)
 
 
