@@ -3,7 +3,8 @@
 Reciprocity: at (wi, wo) and (wo, wi) f is the same, f cos(theta_o) is not. Over pairs of readings that are nearly each
 other's exchange,  log(v / v') = s log(cos theta_o / cos theta_o'):  s = 0 for f, 1 for f cos(theta_o), -1 for values
 that were divided by a cosine which was not in them. Energy: the integral of f cos(theta_o) over wo is at most 1; a
-reflectance factor (pi f) taken as f shows pi times too much.
+reflectance factor (pi f) taken as f shows pi times too much. Slopes between 0 and -1 are no contradiction: a BRDF made
+of few measurements has them, too.
 """
 
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ FEWEST = 40  # pairs that say something
 NEAR = 0.25  # distance in `_place` up to which two readings are at one place
 SLANT = 0.2  # of |log(cos theta_i / cos theta_o)|: below, the two hypotheses hardly differ
 BRIGHT = 0.8  # power of the value that a pair counts with
+UNTRIED = "too few readings are each other's exchange (light and detector): reciprocity is not tested"
 SURE = 0.45  # half width of the interval of 95 % of s
 TOO_MUCH = 1.15  # reflectance
 NORMAL_DEG = 1.6  # all directions within this of the normal: radians read as degrees
@@ -28,12 +30,14 @@ BELOW = 0.25  # share of directions below the horizon
 @dataclass(frozen=True)
 class Doubts:
     """lines: what contradicts the reading of the file, empty where nothing does; slope: s with the half width of its
-    interval (95 %), NaN where too few pairs say it; reflectance: the largest of the incidences, NaN likewise."""
+    interval (95 %), NaN where too few pairs say it; reflectance: the largest of the incidences, NaN likewise; notes:
+    what could not be asked."""
 
     lines: tuple[str, ...]
     slope: float
     slope_u: float
     reflectance: float
+    notes: tuple[str, ...] = ()
 
 
 def doubts(wi: Array, wo: Array, f: Array, below: int, quantity: str, isotropic: bool = True) -> Doubts:
@@ -59,12 +63,13 @@ def doubts(wi: Array, wo: Array, f: Array, below: int, quantity: str, isotropic:
     if (line := _mirror(wi, wo, v)) is not None:
         return Doubts((*lines, line), np.nan, np.nan, np.nan)  # the others would be of a wrong geometry
     slope, u = _slope(wi, wo, np.log(v), rng)
-    if u < SURE and abs(slope) > max(0.5, 0.3 + u):
+    if u < SURE and (slope > max(0.5, 0.3 + u) or (slope < -0.8 and slope - u < -0.9)):
         lines.append(_of_slope(slope, u, quantity))
     reflectance = _reflectance(wi, wo, f) if isotropic or len(f) > 500 else np.nan
     if reflectance > TOO_MUCH:
         lines.append(_of_energy(reflectance, quantity))
-    return Doubts(tuple(lines), slope, u, reflectance)
+    notes = () if u < SURE else (UNTRIED,)
+    return Doubts(tuple(lines), slope, u, reflectance, notes)
 
 
 def _of_slope(s: float, u: float, quantity: str) -> str:

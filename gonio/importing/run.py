@@ -82,6 +82,7 @@ def take(readings: Readings, *, quantity: str | None, scale: float | None, symme
         isotropic = symmetry == "isotropic"
     found = doubts(wi, wo, f, below, quantity, isotropic)
     found = replace(found, lines=(*readings.doubts, *found.lines))
+    said += found.notes
     return Taken(wi, wo, f, sigma, channels, quantity, isotropic, tuple(said), found)
 
 
