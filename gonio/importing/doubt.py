@@ -211,4 +211,4 @@ def turns_with_sample(wi: Array, wo: Array, f: Array) -> bool:
     if len(np.unique(at)) < FEWEST:
         return False
     apart, beside = np.quantile(np.array(far)[row, at], (0.5, 0.8)), np.quantile(near[at], (0.5, 0.8))
-    return bool((apart > 1.25 * beside + 0.05).any())
+    return bool((apart > 1.25 * beside + 0.05).any() or apart[0] > 1.5 * beside[0] + 0.02)

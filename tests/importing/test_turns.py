@@ -33,9 +33,10 @@ def lattice():
 PLACES = {"random": at_random(), "lattice": lattice()}
 
 
-@pytest.mark.parametrize("places", PLACES)
-def test_a_brushed_surface_turns(places):
-    assert turns_with_sample(*PLACES[places], BRUSHED.eval(*PLACES[places]))
+@pytest.mark.parametrize("places, f0", [("random", 0.5), ("lattice", 0.5), ("random", 0.1), ("lattice", 0.04)])
+def test_a_brushed_surface_turns_and_be_it_dull(places, f0):
+    brdf = Mixture([Lambert(0.3), Ggx(0.15, 0.4, f0=f0)], [0.7, 0.3])
+    assert turns_with_sample(*PLACES[places], brdf.eval(*PLACES[places]))
 
 
 @pytest.mark.parametrize("places", PLACES)
