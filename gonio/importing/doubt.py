@@ -20,6 +20,7 @@ NEAR = 0.25  # distance in `_place` up to which two readings are at one place
 SLANT = 0.2  # of |log(cos theta_i / cos theta_o)|: below, the two hypotheses hardly differ
 BRIGHT = 0.8  # power of the value that a pair counts with
 UNTRIED = "too few readings are each other's exchange (light and detector): reciprocity is not tested"
+SURER = 0.2  # the same of a slope below 0, which a BRDF made of few measurements has by itself
 SURE = 0.45  # half width of the interval of 95 % of s
 TOO_MUCH = 1.15  # reflectance
 NORMAL_DEG = 1.6  # all directions within this of the normal: radians read as degrees
@@ -63,7 +64,7 @@ def doubts(wi: Array, wo: Array, f: Array, below: int, quantity: str, isotropic:
     if (line := _mirror(wi, wo, v)) is not None:
         return Doubts((*lines, line), np.nan, np.nan, np.nan)  # the others would be of a wrong geometry
     slope, u = _slope(wi, wo, np.log(v), rng)
-    if u < SURE and (slope > max(0.5, 0.3 + u) or (slope < -0.8 and slope - u < -0.9)):
+    if u < SURE and (slope > max(0.5, 0.3 + u) or (u < SURER and slope < -0.8 and slope - u < -0.9)):
         lines.append(_of_slope(slope, u, quantity))
     reflectance = _reflectance(wi, wo, f) if isotropic or len(f) > 500 else np.nan
     if reflectance > TOO_MUCH:

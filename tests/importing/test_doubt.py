@@ -97,3 +97,11 @@ def test_odd_values_are_counted(tmp_path):
     for what in ("1 of", "negative value", "below the horizon", "NaN"):
         assert what in words
     assert len(t.f) == len(text) - 2 - 2
+
+
+@pytest.mark.parametrize("u, doubted", [(0.24, False), (0.1, True)])
+def test_an_uncertain_slope_below_0_is_that_of_few_measurements(u, doubted, monkeypatch):
+    """-0.88 ± 0.24 is what a BRDF of 80 measurements shows in its own export."""
+    monkeypatch.setattr("gonio.importing.doubt._slope", lambda *_: (-0.88, u))
+    wi, wo = files.pairs(*files.scattered())
+    assert bool(doubts(wi, wo, files.GREY.eval(wi, wo), 0, "f").lines) == doubted
