@@ -34,6 +34,8 @@ class Readings:
     format    a key of `gonio.importing.formats.FORMATS`
     mapping   what was taken as what, for the record
     said      lines about what was guessed or left out
+    doubts    lines about what contradicts how the file was taken
+    symmetry  isotropic or anisotropic where the file says it
     """
 
     wi: Array
@@ -45,6 +47,8 @@ class Readings:
     format: str
     mapping: dict[str, str]
     said: tuple[str, ...] = ()
+    symmetry: str | None = None
+    doubts: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.value)

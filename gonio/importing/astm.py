@@ -43,9 +43,9 @@ def read(path: Path, choices: Choices) -> Readings:
 
 
 def _values(mapping: Mapping) -> Mapping:
-    """What is no direction and no sigma is a channel of f: the format holds nothing else."""
+    """What is no direction, no sigma and no mark of saturation is a channel of f: the format holds nothing else."""
     columns = [
-        Column(c.name, "f", c.channel or c.name, "", "name") if c.role not in (*DIRECTIONS, "sigma") else c
+        Column(c.name, "f", c.channel or c.name, "", "name") if c.role not in (*DIRECTIONS, "sigma", "saturated") else c
         for c in mapping.columns
     ]
     return Mapping(tuple(columns), "f")

@@ -1,9 +1,10 @@
 """BRDF-JSON, the metrologists' universal BRDF format (Lanevski et al. 2022, Color Research and Application 47, 1177).
 
-`data` holds parallel arrays theta_i, phi_i, theta_r, phi_r (unit deg, rad or °), BRDF (1/sr), and, where known, uBRDF
-(1/sr or %), wavelength_i or wavelength_r, polarization_i, polarization_r (averaged here); a row a value. Channels other
-than wavelengths stand under adhoc_variables.channel. The older layout, `variables` with names and `values` in rows, is
-read too. Schema: github.com/BiRD-project/BiRD_view, BRDF_JSON_schema/data_json_schema_v1.0.json and parse_brdf_json.py.
+`data` holds parallel arrays theta_i, phi_i, theta_r, phi_r (unit deg, rad or °), BRDF (1/sr or %), and, where known,
+uBRDF (1/sr, %, relative or 1), wavelength_i or wavelength_r (m to Å), polarization_i, polarization_r (averaged here); a
+row a value. Channels other than wavelengths stand under adhoc_variables.channel. The older layout, `variables` with
+names and `values` in rows, is read too. Schema: github.com/BiRD-project/BiRD_view,
+BRDF_JSON_schema/data_json_schema_v1.0.json and parse_brdf_json.py.
 """
 
 import json
@@ -19,6 +20,9 @@ from gonio.importing.text import MOST_CHANNELS, read_text
 
 ANGLES = ("theta_i", "phi_i", "theta_r", "phi_r")
 DEGREES = ("deg", "°", "degrees", "degree")
+INVERSE_SR = ("1/sr", "sr^-1", "sr-1", "sr**-1", "sr⁻¹", "sr^{-1}")
+RELATIVE = ("relative", "rel", "rel.", "1", "%")
+NANOMETRES = {"": 1, "nm": 1, "m": 1e9, "μm": 1e3, "um": 1e3, "µm": 1e3, "å": 0.1, "angstrom": 0.1}
 MOST_BYTES = 40_000_000  # a number of four bytes becomes one of 32
 
 
@@ -26,6 +30,8 @@ def read(path: Path) -> Readings:
     """Raises CannotImport."""
     data = _data(path)
     columns = {k: _numbers(path, k, data[k]) for k in (*ANGLES, "BRDF")}
+    percent = _known(path, "BRDF", data["BRDF"].get("unit"), ("", "1", "-", *INVERSE_SR, "%")) == "%"
+    columns["BRDF"] /= 100 if percent else 1
     n = len(columns["BRDF"])
     if any(len(a) != n for a in columns.values()) or n == 0:
         lengths = ", ".join(f"{k} {len(a)}" for k, a in columns.items())
@@ -38,7 +44,7 @@ def read(path: Path) -> Readings:
     row = row.ravel()
     value, spread = _pivot(columns["BRDF"], sigma, row, channel, len(first), len(names))
     wi, wo = spherical(*(a[first] for a in angles))
-    said = _said(n, len(first), len(names))
+    said = _said(n, len(first), len(names)) + (["BRDF is in per cent, divided by 100"] if percent else [])
     mapping = {k: k for k in ("BRDF", *(["uBRDF"] if sigma is not None else []), *ANGLES)}
     return Readings(wi, wo, value, spread, names, "f", "json", mapping, tuple(said))
 
@@ -93,17 +99,32 @@ def _degrees(path: Path, key: str, item: dict[str, Any]) -> bool:
 
 
 def _uncertainty(path: Path, data: dict[str, Any], brdf: Array) -> Array | None:
-    """Of each value, in 1/sr; from uBRDF, else one for all."""
+    """Of each value, in 1/sr; from uBRDF, else one for all. `brdf`: without its per cent."""
     if isinstance(item := data.get("uBRDF"), dict):
         u = _numbers(path, "uBRDF", item)
         if len(u) != len(brdf):
             raise CannotImport(f"{path}: data.uBRDF: {len(u)} values, BRDF has {len(brdf)}")
-        return u / 100 * np.abs(brdf) if item.get("unit") == "%" else u
+        return _absolute(path, "uBRDF", item.get("unit"), u, brdf)
     one = data["BRDF"].get("uncertainty")
     if isinstance(one, dict) and isinstance(one.get("value"), int | float):
         u = np.full(len(brdf), float(one["value"]))
-        return u / 100 * np.abs(brdf) if one.get("unit") == "%" else u
+        return _absolute(path, "BRDF.uncertainty", one.get("unit"), u, brdf)
     return None
+
+
+def _absolute(path: Path, key: str, unit: object, u: Array, brdf: Array) -> Array:
+    if _known(path, key, unit, ("", *INVERSE_SR, *RELATIVE)) not in RELATIVE:
+        return u
+    return u * np.abs(brdf) / (100 if str(unit).strip() == "%" else 1)
+
+
+def _known(path: Path, key: str, unit: object, known: tuple[str, ...]) -> str:
+    """The unit, lower case, without blanks; "" where none is given. Raises CannotImport where it is none of `known`."""
+    text = "" if unit is None else "".join(str(unit).split()).lower()
+    if text not in known:
+        those = ", ".join(filter(None, known))
+        raise CannotImport(f"{path}: data.{key}.unit: {str(unit)[:40]!r}; one of {those} expected")
+    return text
 
 
 def _channels(path: Path, data: dict[str, Any], n: int) -> tuple[tuple[str, ...], Array]:
@@ -114,7 +135,7 @@ def _channels(path: Path, data: dict[str, Any], n: int) -> tuple[tuple[str, ...]
         texts = [str(v)[:40] for v in adhoc["channel"].get("values") or []]
     for key in ("wavelength_i", "wavelength_r", "wavelength"):
         if texts is None and isinstance(item := data.get(key), dict):
-            scale = 1000 if item.get("unit") in ("μm", "um", "µm") else 1
+            scale = NANOMETRES[_known(path, key, item.get("unit"), tuple(NANOMETRES))]
             texts = [f"{v * scale:.6g}nm" for v in _numbers(path, key, item).tolist()]
     if texts is None:
         return ("Y",), np.zeros(n, np.int64)

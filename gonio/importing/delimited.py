@@ -18,6 +18,8 @@ import numpy as np
 from gonio.geometry import Array
 from gonio.importing import CannotImport, Readings
 from gonio.importing import directions as d
+from gonio.importing.columns.repeats import overlooked, varying
+from gonio.importing.columns.units import kept
 from gonio.importing.roles import HALF, SPHERICAL, VECTORS, Mapping, checked
 from gonio.importing.text import MOST_BYTES, MOST_CHANNELS, channel_names, read_bytes, read_lines
 
@@ -93,6 +95,8 @@ class TextTable:
         out = np.empty((len(full), len(which)))
         for j, k in enumerate(which):
             words = [r[k].strip() or "nan" for r in full]
+            if self.names and re.search("saturated|clipped|exposed", self.names[k].lower()):
+                words = [{"true": "1", "false": "0"}.get(w.lower(), w) for w in words]
             if self.comma:
                 words = [w.replace(",", ".") for w in words]
             try:
@@ -162,13 +166,16 @@ def read_table(table: Table, mapping: Mapping, choices: Choices, format: str) ->
     """Readings of a table whose columns are known. Raises CannotImport."""
     roles = checked(mapping, table.source)
     at_f, at_sigma = mapping.of("f"), mapping.of("sigma")
+    if sorted(mapping.columns[k].channel for k in at_f) == ["X", "Y", "Z"]:
+        at_f = sorted(at_f, key=lambda k: mapping.columns[k].channel)
+    at_clipped = mapping.of("saturated")
     if len(at_f) > MOST_CHANNELS:
         raise CannotImport(f"{table.source}: {len(at_f)} channels, {MOST_CHANNELS} is the most; use fewer columns")
-    which = [mapping.of(r)[0] for r in roles] + at_f + at_sigma
+    which = [mapping.of(r)[0] for r in roles] + at_f + at_sigma + at_clipped
     data = table.columns(which)
     n = len(roles)
     wi, wo, said = _directions(dict(zip(roles, data[:, :n].T)), roles, mapping, choices)
-    value, found = data[:, n : n + len(at_f)], data[:, n + len(at_f) :]
+    value, found = data[:, n : n + len(at_f)], data[:, n + len(at_f) : len(which) - len(at_clipped)]
     named = [mapping.columns[k].channel for k in at_f]
     channels = tuple(named) if all(named) else channel_names(len(named))
     sigma = np.full_like(value, np.nan)
@@ -184,16 +191,26 @@ def read_table(table: Table, mapping: Mapping, choices: Choices, format: str) ->
             raise CannotImport(
                 f"{table.source}: {column} is the sigma of {channel}, which is no channel ({', '.join(named)})"
             )
+    value, sigma, units = kept(mapping, at_f, value, sigma, table.source)
+    clipped = (np.nan_to_num(data[:, len(which) - len(at_clipped) :]) != 0).any(1)
+    if clipped.any():
+        said.append(f"{clipped.sum()} of {len(data)} readings are saturated and are left out")
+    good, said = ~clipped, said + units
+    doubt = None
+    if roles == ("theta_i", "theta_o"):
+        unused = varying([c.name for c in mapping.columns if c.role == "-"], table)
+        doubt = overlooked(data[good, 0], data[good, 1], value[good], sigma[good], unused)
     return Readings(
-        wi,
-        wo,
-        value,
-        sigma if len(at_sigma) else None,
+        wi[good],
+        wo[good],
+        value[good],
+        sigma[good] if len(at_sigma) else None,
         channels,
         mapping.quantity,
         format,
         mapping.to_json(),
         tuple(said),
+        doubts=(doubt,) if doubt else (),
     )
 
 
@@ -206,13 +223,15 @@ def _directions(columns: dict[str, Array], roles, mapping: Mapping, choices: Cho
             [],
         )
     said = []
-    unit = choices.unit or mapping.unit
-    if unit is None:
-        largest = max(np.nanmax(np.abs(a), initial=0) for a in columns.values())
-        unit = "degrees" if largest > DEGREES_ABOVE else "radians"
-        said.append(f"angles are taken as {unit}: the largest is {largest:.4g}")
-    if unit == "degrees":
-        columns = {k: np.radians(a) for k, a in columns.items()}
+    named = {c.role: c.unit for c in mapping.columns}
+    if choices.unit is None and len({named[k] for k in roles} - {""}) > 1:
+        said.append("angles are taken as their columns say: " + ", ".join(f"{k} {named[k]}" for k in roles if named[k]))
+    units = {k: choices.unit or named[k] or mapping.unit for k in roles}
+    if open_ := [k for k in roles if units[k] is None]:
+        largest = max(np.nanmax(np.abs(columns[k]), initial=0) for k in open_)
+        units |= dict.fromkeys(open_, "degrees" if largest > DEGREES_ABOVE else "radians")
+        said.append(f"angles are taken as {units[open_[0]]}: the largest is {largest:.4g}")
+    columns = {k: np.radians(a) if units[k] == "degrees" else a for k, a in columns.items()}
     with np.errstate(invalid="ignore"):
         if roles == HALF:
             return (*d.half_difference(*(columns[k] for k in HALF)), said)

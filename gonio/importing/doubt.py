@@ -3,7 +3,8 @@
 Reciprocity: at (wi, wo) and (wo, wi) f is the same, f cos(theta_o) is not. Over pairs of readings that are nearly each
 other's exchange,  log(v / v') = s log(cos theta_o / cos theta_o'):  s = 0 for f, 1 for f cos(theta_o), -1 for values
 that were divided by a cosine which was not in them. Energy: the integral of f cos(theta_o) over wo is at most 1; a
-reflectance factor (pi f) taken as f shows pi times too much.
+reflectance factor (pi f) taken as f shows pi times too much. Slopes between 0 and -1 are no contradiction: a BRDF made
+of few measurements has them, too.
 """
 
 from dataclasses import dataclass
@@ -18,21 +19,26 @@ FEWEST = 40  # pairs that say something
 NEAR = 0.25  # distance in `_place` up to which two readings are at one place
 SLANT = 0.2  # of |log(cos theta_i / cos theta_o)|: below, the two hypotheses hardly differ
 BRIGHT = 0.8  # power of the value that a pair counts with
+UNTRIED = "too few readings are each other's exchange (light and detector): reciprocity is not tested"
+SURER = 0.2  # the same of a slope below 0, which a BRDF made of few measurements has by itself
 SURE = 0.45  # half width of the interval of 95 % of s
 TOO_MUCH = 1.15  # reflectance
 NORMAL_DEG = 1.6  # all directions within this of the normal: radians read as degrees
+TURNED, RANGES = 40_000, 18  # readings among which azimuths are compared, and ranges of them in half a turn
 BELOW = 0.25  # share of directions below the horizon
 
 
 @dataclass(frozen=True)
 class Doubts:
     """lines: what contradicts the reading of the file, empty where nothing does; slope: s with the half width of its
-    interval (95 %), NaN where too few pairs say it; reflectance: the largest of the incidences, NaN likewise."""
+    interval (95 %), NaN where too few pairs say it; reflectance: the largest of the incidences, NaN likewise; notes:
+    what could not be asked."""
 
     lines: tuple[str, ...]
     slope: float
     slope_u: float
     reflectance: float
+    notes: tuple[str, ...] = ()
 
 
 def doubts(wi: Array, wo: Array, f: Array, below: int, quantity: str, isotropic: bool = True) -> Doubts:
@@ -58,12 +64,13 @@ def doubts(wi: Array, wo: Array, f: Array, below: int, quantity: str, isotropic:
     if (line := _mirror(wi, wo, v)) is not None:
         return Doubts((*lines, line), np.nan, np.nan, np.nan)  # the others would be of a wrong geometry
     slope, u = _slope(wi, wo, np.log(v), rng)
-    if u < SURE and abs(slope) > max(0.5, 0.3 + u):
+    if u < SURE and (slope > max(0.5, 0.3 + u) or (u < SURER and slope < -0.8 and slope - u < -0.9)):
         lines.append(_of_slope(slope, u, quantity))
     reflectance = _reflectance(wi, wo, f) if isotropic or len(f) > 500 else np.nan
     if reflectance > TOO_MUCH:
         lines.append(_of_energy(reflectance, quantity))
-    return Doubts(tuple(lines), slope, u, reflectance)
+    notes = () if u < SURE else (UNTRIED,)
+    return Doubts(tuple(lines), slope, u, reflectance, notes)
 
 
 def _of_slope(s: float, u: float, quantity: str) -> str:
@@ -167,19 +174,42 @@ def _rank_correlation(x: Array, y: Array) -> float:
 
 
 def turns_with_sample(wi: Array, wo: Array, f: Array) -> bool:
-    """Whether readings at one place of the isotropic frame differ more where the light's azimuths are further apart."""
+    """Whether readings at one place of the isotropic frame differ more where the light's azimuths are further apart.
+
+    Each of some readings is compared with the nearest of its own azimuths, and with the nearest of each other range of
+    azimuths where that is no further away: on a lattice those stand at the very same place. Most of a dull surface
+    hardly turns, so that a quantile above the median counts too.
+    """
     from scipy.spatial import cKDTree
 
-    some = np.random.default_rng(0).permutation(len(f))[:LOOKED_AT]
+    some = np.random.default_rng(0).permutation(len(f))[:TURNED]
     slanting = some[(wi[some, 2] < 0.99) & (f[some].mean(1) > 0)]
     if len(slanting) < 4 * FEWEST:
         return False
     a, b, v = wi[slanting], wo[slanting], np.log(f[slanting].mean(1))
-    phi = np.arctan2(a[:, 1], a[:, 0])
-    _, k = cKDTree(_place(a, b)).query(_place(a, b), k=9)
-    gap = np.abs(np.angle(np.exp(2j * (phi[k[:, 1:]] - phi[:, None])))) / 2
-    difference = np.abs(v[k[:, 1:]] - v[:, None])
-    far, near = difference[gap > np.radians(20)], difference[gap < np.radians(8)]
-    if min(len(far), len(near)) < FEWEST:
-        return bool(len(far) >= FEWEST and np.median(far) > 0.15)
-    return bool(np.median(far) > 1.5 * np.median(near) + 0.05)
+    phi = np.arctan2(a[:, 1], a[:, 0]) % np.pi  # turned by half a turn, most surfaces are the same
+    group = np.round(phi / np.pi * RANGES).astype(int) % RANGES
+    place = _place(a, b)
+    asked = np.arange(min(len(v), LOOKED_AT // 2))
+    near, near_by = np.full((2, len(asked)), np.nan)
+    far, far_by = [], []
+    for g in range(RANGES):
+        members = np.flatnonzero(group == g)
+        if len(members) < 3:
+            continue
+        distance, k = cKDTree(place[members]).query(place[asked], k=2)
+        other = (members[k[:, 0]] == asked).astype(int)  # not itself
+        distance, k = distance[asked, other], members[k[asked, other]]
+        difference = np.abs(v[k] - v[asked])
+        own = group[asked] == g
+        near[own], near_by[own] = difference[own], distance[own]
+        gap = np.abs(np.angle(np.exp(2j * (phi[k] - phi[asked])))) / 2
+        far.append(difference)
+        far_by.append(np.where(gap > np.radians(20), distance, np.inf))
+    if not far:
+        return False
+    row, at = np.nonzero(np.array(far_by) <= 1.2 * near_by + 1e-6)
+    if len(np.unique(at)) < FEWEST:
+        return False
+    apart, beside = np.quantile(np.array(far)[row, at], (0.5, 0.8)), np.quantile(near[at], (0.5, 0.8))
+    return bool((apart > 1.25 * beside + 0.05).any() or apart[0] > 1.5 * beside[0] + 0.02)

@@ -1,6 +1,7 @@
 """Which column is what: guessed from a header, corrected by hand, shown as a table.
 
-A role is a quantity of DIRECTIONS, `f`, `sigma`, or `-` (not used); values and their sigmas have a channel. A header
+A role is a quantity of DIRECTIONS, `f`, `sigma`, `saturated` (not 0: the row is left out) or `-` (not used);
+values and their sigmas have a channel. A header
 as gonio's own exports write it (`theta_i_deg`, ..., `f_R`) is no guess.
 """
 
@@ -8,6 +9,7 @@ import re
 from dataclasses import dataclass, replace
 
 from gonio.importing import QUANTITIES, CannotImport
+from gonio.importing.columns.names import split
 
 SPHERICAL = ("theta_i", "phi_i", "theta_o", "phi_o")
 RELATIVE = ("theta_i", "theta_o", "phi")
@@ -43,8 +45,7 @@ _VALUES: list[tuple[str, str]] = [
     ("f", "f|fr|brdf|bsdf|bdrf|value|values"),
 ]
 _SIGMA = "sigma|std|stdev|sd|u|unc|uncertainty|error|err|ubrdf|u_?f|u_?brdf|sigma_?f"
-_UNIT_WORDS = {"deg": "degrees", "degree": "degrees", "degrees": "degrees", "°": "degrees", "rad": "radians",
-               "radian": "radians", "radians": "radians"}  # fmt: skip
+_SATURATED = r"(?:is_?)?(?:saturated|clipped|overexposed)(?:_?flag)?"
 _WAVELENGTH = re.compile(r"(\d{3,4}(?:\.\d+)?)\s*(?:nm)?")
 _EXACT = re.compile(r"(theta_i|phi_i|theta_o|phi_o)_deg")
 
@@ -78,7 +79,7 @@ class Mapping:
 
     @property
     def unit(self) -> str | None:
-        """Of the angles, where their names agree on one."""
+        """Of the angles whose name says none, where the others' names agree on one."""
         named = {c.unit for c in self.columns if c.role in DIRECTIONS and c.unit}
         return named.pop() if len(named) == 1 else None
 
@@ -102,7 +103,7 @@ def guess(names: list[str]) -> Mapping:
         return _own(names)
     columns, quantity = [], None
     for name in names:
-        bare, unit = _split_unit(name)
+        bare, unit = split(name)
         compact = re.sub(r"[\s_\-.]", "", bare)
         column = Column(name)
         for role, pattern in _PATTERNS:
@@ -119,7 +120,7 @@ def guess(names: list[str]) -> Mapping:
             column, kind = found
             columns[k] = column
             quantity = quantity or kind
-    return Mapping(tuple(_sigmas(_colours(_one_kind(columns), names))), quantity)
+    return Mapping(tuple(_sigmas(_tristimulus(_colours(_one_kind(columns), names)))), quantity)
 
 
 def by_hand(mapping: Mapping, given: list[str]) -> Mapping:
@@ -136,15 +137,14 @@ def by_hand(mapping: Mapping, given: list[str]) -> Mapping:
         role = role.strip()
         if role in QUANTITIES:
             quantity, role = role, "f"
-        if role not in (*DIRECTIONS, "f", "sigma", "-"):
-            raise CannotImport(
-                f"--column {text}: no role {role!r}; they are {', '.join((*DIRECTIONS, *QUANTITIES))}, sigma, -"
-            )
+        if role not in (*DIRECTIONS, "f", "sigma", "saturated", "-"):
+            known = ", ".join((*DIRECTIONS, *QUANTITIES, "sigma", "saturated", "-"))
+            raise CannotImport(f"--column {text}: no role {role!r}; they are {known}")
         old = columns[at[0]]
         columns[at[0]] = replace(
             old, role=role, channel=channel or (old.channel if role in ("f", "sigma") else ""), how="by hand"
         )
-    return Mapping(tuple(columns), quantity)
+    return Mapping(tuple(_tristimulus(columns)), quantity)
 
 
 def checked(mapping: Mapping, source: str) -> tuple[str, ...]:
@@ -187,7 +187,7 @@ def _own(names: list[str]) -> Mapping:
             role, _, channel = name.strip().partition("_")
             columns.append(Column(name, role.lower(), channel, "", "name"))
         else:
-            columns.append(Column(name))
+            columns.append(Column(name, "saturated", "", "", "name") if bare == "saturated" else Column(name))
     return Mapping(tuple(_numbered(columns)), "f")
 
 
@@ -199,16 +199,6 @@ def _numbered(columns: list[Column]) -> list[Column]:
     new = ("R", "G", "B") if len(numbers) == 3 else tuple(f"c{k}" for k in numbers)
     known = dict(zip(numbers, new))
     return [replace(c, channel=known.get(c.channel, c.channel)) if c.role in ("f", "sigma") else c for c in columns]
-
-
-def _split_unit(name: str) -> tuple[str, str]:
-    """(name without its unit, lower case; degrees, radians or "")."""
-    text = _bare(name)
-    found = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$", text)
-    if found:
-        return text[: found.start()].strip(), _UNIT_WORDS.get(found[1], "")
-    head, _, tail = text.rpartition("_")
-    return (head, _UNIT_WORDS[tail]) if head and tail in _UNIT_WORDS else (text, "")
 
 
 def _difference(columns: list[Column]) -> list[Column]:
@@ -230,7 +220,9 @@ def _plain_azimuth(columns: list[Column]) -> list[Column]:
 
 
 def _value(name: str) -> tuple[Column, str] | None:
-    bare, _ = _split_unit(name)
+    bare, _ = split(name)
+    if re.fullmatch(_SATURATED, bare):
+        return Column(name, "saturated", "", "", "guess"), ""
     if m := re.fullmatch(rf"(?:{_SIGMA})(?:[_\s\-.:](.+))?", bare):
         return Column(name, "sigma", _channel(m[1], name), "", "guess"), ""
     for kind, pattern in _VALUES:
@@ -261,6 +253,13 @@ def _colours(columns: list[Column], names: list[str]) -> list[Column]:
     return columns
 
 
+def _tristimulus(columns: list[Column]) -> list[Column]:
+    """Channels x, y, z in any case are X, Y, Z where they are all three and no other is."""
+    if sorted(c.channel.lower() for c in columns if c.role == "f") != ["x", "y", "z"]:
+        return columns
+    return [replace(c, channel=c.channel.upper()) if c.role in ("f", "sigma") else c for c in columns]
+
+
 def _one_kind(columns: list[Column]) -> list[Column]:
     """Where several kinds of values stand side by side (f, and what a BRDF says of itself), the first kind counts."""
     kinds = [_kind(c.name) if c.role == "f" else "" for c in columns]
@@ -269,7 +268,7 @@ def _one_kind(columns: list[Column]) -> list[Column]:
 
 
 def _kind(name: str) -> str:
-    bare, _ = _split_unit(name)
+    bare, _ = split(name)
     return "nm" if _WAVELENGTH.fullmatch(bare) else re.split(r"[_\s\-.:]", bare)[0]
 
 

@@ -5,7 +5,7 @@ import os
 import platform
 import re
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from gonio.config.rig import RigConfig
 from gonio.geometry import Array
 from gonio.importing import QUANTITIES, CannotImport, Readings
 from gonio.importing.doubt import Doubts, doubts, turns_with_sample
+from gonio.importing.pab import files_of
 from gonio.mcmc.chain.steps import Steps
 from gonio.mcmc.proposals import IMPORTED
 from gonio.run.record.config import Imported, RunConfig, dump
@@ -71,12 +72,17 @@ def take(readings: Readings, *, quantity: str | None, scale: float | None, symme
         raise CannotImport(f"none of {len(readings)} readings is usable: {'; '.join(said)}")
     if not np.isfinite(f).all() or np.abs(f).max() > 1e12:
         raise CannotImport(f"values up to {np.nanmax(np.abs(f)):.3g} 1/sr are no BRDF; check --value, --scale")
-    if symmetry is None:
+    if symmetry is None and readings.symmetry is not None:
+        isotropic = readings.symmetry == "isotropic"
+        said.append(f"taken as {readings.symmetry}, as the file says (--symmetry for the other)")
+    elif symmetry is None:
         isotropic = not turns_with_sample(wi, wo, f)
         said.append(f"taken as {'isotropic' if isotropic else 'anisotropic'} (--symmetry for the other)")
     else:
         isotropic = symmetry == "isotropic"
     found = doubts(wi, wo, f, below, quantity, isotropic)
+    found = replace(found, lines=(*readings.doubts, *found.lines))
+    said += found.notes
     return Taken(wi, wo, f, sigma, channels, quantity, isotropic, tuple(said), found)
 
 
@@ -96,9 +102,10 @@ def write_run(out: Path, taken: Taken, readings: Readings, paths: list[Path], na
     """The run folder, whole or not at all. Raises StoreError where it cannot be made, ConfigError."""
     refuse_folder(out)
     out.parent.mkdir(parents=True, exist_ok=True)
+    files = [f for p in paths for f in (files_of(p) if p.is_dir() else [p])]
     imported = Imported(
-        files=tuple(p.name for p in paths),
-        sha256=tuple(_sha256(p) for p in paths),
+        files=tuple(p.name for p in files),
+        sha256=tuple(_sha256(p) for p in files),
         format=readings.format,
         quantity=taken.quantity,
         mapping=readings.mapping,

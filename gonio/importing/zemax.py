@@ -3,7 +3,8 @@
 Keywords: Symmetry, SpectralContent (Monochrome, XYZ), ScatterType, and the angles in degrees of SampleRotation,
 AngleOfIncidence, ScatterAzimuth, ScatterRadial; then for each incidence `TIS value` and a row an azimuth, a number a
 radial angle. Radial and azimuth are counted from the mirror direction, azimuth 0 towards the normal; PlaneSymmetrical
-files have azimuths 0 to 180 only. support.zemax.com, "Zemax Tabular BSDF data file format" (R. Rykowski).
+files have azimuths 0 to 180 only, ASymmetrical4D ones several rotations. support.zemax.com, "Zemax Tabular BSDF data
+file format" (R. Rykowski).
 """
 
 import re
@@ -50,7 +51,9 @@ def read(path: Path) -> Readings:
     value = np.moveaxis(values.reshape(colours, -1), 0, 1)
     mapping = {k: f"{len(head.angles.get(k, [0]))} angles" for k in ANGLES}
     names = ("X", "Y", "Z") if xyz else ("Y",)
-    return Readings(wi[keep], wo[keep], value[keep], None, names, "f", "zemax", mapping, tuple(said))
+    turns = head.words.get("Symmetry", "").lower() == "asymmetrical4d" and len(rotation) > 1
+    symmetry = "anisotropic" if turns else None
+    return Readings(wi[keep], wo[keep], value[keep], None, names, "f", "zemax", mapping, tuple(said), symmetry)
 
 
 def _values(lines: list[tuple[int, str]], source: str, shape: tuple[int, ...]) -> Array:

@@ -53,7 +53,23 @@ def test_measured_tables_are_not_doubted_and_their_wrong_readings_are(name, rgl_
 def test_few_readings_say_nothing():
     wi, wo = files.pairs(*files.scattered(30))
     found = doubts(wi, wo, 3 * np.ones((30, 1)), 0, "f")
-    assert not found.lines and np.isnan(found.slope)
+    assert not found.lines and np.isnan(found.slope) and "reciprocity is not tested" in found.notes[0]
+
+
+def test_too_few_exchanges_are_noted_and_enough_are_not(tmp_path):
+    one_way = [a[files.grid()[0] < files.grid()[1]] for a in files.grid()]
+    (tmp_path / "x.csv").write_text(files.csv(one_way))
+    assert any("reciprocity is not tested" in line for line in opened(tmp_path / "x.csv").said)
+    (tmp_path / "x.csv").write_text(files.csv(files.scattered()))
+    assert not any("reciprocity" in line for line in opened(tmp_path / "x.csv").said)
+
+
+@pytest.mark.parametrize("power, doubted", [(-0.65, False), (-1, True)])
+def test_values_somewhat_too_large_at_grazing_are_no_contradiction(power, doubted):
+    wi, wo = files.pairs(*files.scattered())
+    found = doubts(wi, wo, 0.3 * files.GREY.eval(wi, wo) * wo[:, 2:] ** power, 0, "f")
+    assert abs(found.slope - power) < 0.1 and found.slope_u < 0.2
+    assert any("reciprocity" in line for line in found.lines) == doubted
 
 
 def test_a_diffuser_has_no_mirror_direction():
@@ -81,3 +97,11 @@ def test_odd_values_are_counted(tmp_path):
     for what in ("1 of", "negative value", "below the horizon", "NaN"):
         assert what in words
     assert len(t.f) == len(text) - 2 - 2
+
+
+@pytest.mark.parametrize("u, doubted", [(0.24, False), (0.1, True)])
+def test_an_uncertain_slope_below_0_is_that_of_few_measurements(u, doubted, monkeypatch):
+    """-0.88 ± 0.24 is what a BRDF of 80 measurements shows in its own export."""
+    monkeypatch.setattr("gonio.importing.doubt._slope", lambda *_: (-0.88, u))
+    wi, wo = files.pairs(*files.scattered())
+    assert bool(doubts(wi, wo, files.GREY.eval(wi, wo), 0, "f").lines) == doubted

@@ -129,3 +129,30 @@ def test_a_mistake_is_one_line(words, says, tmp_path, monkeypatch):
     done = gonio("import", *words, "--out", "run")
     assert done.returncode == 2 and says in done.stderr and done.stderr.count("\n") == 1, done.stderr
     assert not (tmp_path / "run").exists()
+
+
+def test_a_folder_of_pab_becomes_a_run_of_its_files(tmp_path):
+    (tmp_path / "panel").mkdir()
+    for angle in (10, 50):
+        (tmp_path / "panel" / f"a{angle}.txt").write_text(files.pab(angle))
+    done = gonio("import", tmp_path / "panel", "--out", tmp_path / "run")
+    assert done.returncode == 0, done.stderr
+    found = read_config(tmp_path / "run").imported
+    assert found.files == ("a10.txt", "a50.txt") and len(set(found.sha256)) == 2
+
+
+def test_an_azimuth_among_the_unused_columns_is_asked_for(tmp_path):
+    theta_i, theta_o, phi = files.grid()
+    f = files.GREY.eval(*files.pairs(theta_i, theta_o, phi))[:, 0]
+    (tmp_path / "x.csv").write_text(files.table(["theta_i", "theta_o", "turn", "f"], [theta_i, theta_o, phi, f]))
+    done = gonio("import", tmp_path / "x.csv", "--yes", "--out", tmp_path / "run")
+    assert done.returncode == 2 and "(turn) the azimuth? --column NAME=phi" in done.stderr
+    assert done.stderr.count("\n") == 1 and not (tmp_path / "run").exists()
+    words = ["import", tmp_path / "x.csv", "--yes", "--out", tmp_path / "run"]
+    assert gonio(*words, "--column", "turn=phi").returncode == 0
+    rng = np.random.default_rng(0)  # repeats of a scan, numbered
+    theta = np.repeat(np.arange(0, 80, 2.0), 5)
+    f = files.GREY.eval(*files.pairs(0 * theta + 20, theta, 0 * theta))[:, 0]
+    columns = [0 * theta + 20, -theta, np.arange(len(f)), f * (1 + 0.1 * rng.standard_normal(len(f))), 0.1 * f]
+    (tmp_path / "y.csv").write_text(files.table(["theta_i", "theta_o", "number", "f", "sigma"], columns))
+    assert gonio("import", tmp_path / "y.csv", "--yes", "--out", tmp_path / "two").returncode == 0

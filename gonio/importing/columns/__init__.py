@@ -1,0 +1,1 @@
+"""What columns of a table say beside their roles: units, readings that come again."""
