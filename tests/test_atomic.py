@@ -196,6 +196,7 @@ WRITES = {"write_text", "write_bytes", "savefig", "savez", "savez_compressed", "
 MODES = {"w", "wb", "a", "ab", "x", "xb", "w+", "r+", "r+b"}
 # another way of their own: scratch for a renderer; a part that is gone on with; a log whose lines are added
 BY_THEMSELVES = {"gonio/render/objects.py", "gonio/brdf/download.py", "gonio/run/record/store.py"}
+BY_THEMSELVES.add("gonio/export/renderers/radiance.py")  # in a temporary folder of its own
 
 
 def written_in_place(text: str) -> list[int]:

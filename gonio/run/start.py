@@ -164,9 +164,13 @@ def resume(
     _refuse_less(folder, config.material)
     own_truth(folder)
     refuse_another_scene(folder)
-    if truth is None and config.material.truth is None and config.rig.depth != "real":
-        raise ConfigError(f"{folder}: shows a function that it does not keep; `gonio.resume(RUN, truth=f)` goes on")
-    shown, origin = find_truth(config.material, config.rig, truth)
+    try:
+        shown, origin = find_truth(config.material, config.rig, truth)
+    except ConfigError:
+        if truth is None and config.material.truth is None and config.rig.depth != "real":
+            says = "shows a function that it does not keep; `gonio.resume(RUN, truth=f)` goes on"
+            raise ConfigError(f"{folder}: {says}") from None
+        raise
     if shown is not None and shown.channels != len(config.material.channels):
         raise ConfigError(f"truth: has {shown.channels} channels, the run in {folder} {len(config.material.channels)}")
     store = Store.open(folder, write=True, **_care(config.rig))

@@ -62,7 +62,8 @@ def test_the_run_says_where_it_comes_from(run):
 def test_the_other_commands_work_on_it(run):
     for words in (["reconstruct", run], ["report", run], ["export", run], ["export", run, "--format", "netcdf"]):
         done = gonio(*words)
-        assert done.returncode == 0 and not done.stderr, (words, done.stderr)
+        said = [line for line in done.stderr.splitlines() if not line.startswith("note ")]
+        assert done.returncode == 0 and not said, (words, done.stderr)
     assert evaluate(package.load_brdf(run), files.BRDF)["energy_mean"] < 0.03
     page = (run / "report.html").read_text()
     assert "imported from" in page and "gonio resume" not in page
