@@ -119,7 +119,11 @@ def test_ended_in_a_run_it_goes_on_with_it_and_does_not_ask(end):
         ok(daemon.gonio("queue", "ready"))
         if end == "terminate":
             # or done with all of it before anybody looked: the next sample is asked for then
-            daemon.until(lambda s: (job := s["job"] or {}).get("measured", 0) >= 5 or job.get("asks") == "film")
+            daemon.until(
+                lambda s: (
+                    ((job := s["job"] or {}).get("progress") or {}).get("measured", 0) >= 5 or job.get("asks") == "film"
+                )
+            )
             daemon.process.terminate()
         daemon.process.wait(60)
         daemon.start()
