@@ -17,8 +17,8 @@ class PlottedBrdf(Brdf, Protocol):
 def plotted(brdf: Brdf) -> PlottedBrdf:
     """The same object; its class has `plot` from now on, `gonio.render.plane.plot_brdf`."""
     if not hasattr(type(brdf), "plot"):
-        type(brdf).plot = _plot  # type: ignore[attr-defined]
-    return brdf  # type: ignore[return-value]
+        type(brdf).plot = _plot  # type: ignore[attr-defined]  # the rooms below know no plots, so it is put here
+    return brdf  # type: ignore[return-value]  # it has `plot` now, which no checker can see
 
 
 def _plot(self, theta_i_deg: tuple[float, ...] = (15.0, 45.0, 75.0), *, truth=None) -> "Figure":

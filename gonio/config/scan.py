@@ -116,4 +116,4 @@ def _checked(pairs: Iterable[tuple[float, ...]], repeats: int, source: str) -> S
         raise ConfigError(f"{source}: azimuths are degrees, -360 to 360")
     if not 1 <= repeats <= 10_000:
         raise ConfigError(f"{source}: {repeats} repeats; 1 to 10,000")
-    return Scan(pairs_deg=tuple(pairs), repeats=repeats)  # type: ignore[arg-type]
+    return Scan(pairs_deg=pairs, repeats=repeats)  # type: ignore[arg-type]  # four numbers each, which pydantic checks

@@ -64,6 +64,7 @@ def sniff(path: Path) -> str:
 def mapping_of(path: Path, given: list[str]) -> Mapping:
     """How the columns of a table are taken: guessed, then as `given` says. Raises CannotImport."""
     table = open_table(path)
+    # a parquet table always has a header, and thus no need of a width
     names = table.names if table.has_header else [f"column {k + 1}" for k in range(table.width)]  # type: ignore[union-attr]
     return by_hand(guess(names), given)
 

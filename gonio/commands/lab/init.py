@@ -1,7 +1,7 @@
 """init rig, init material: the first YAML, with comments; nothing is asked."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -37,18 +37,18 @@ def rig(
     _one_of("--detector", detector, ("photodiode", "camera"))
     name = name.removesuffix(".yaml")
     path = _free(name, out, force)
-    given = {"stage": stage, "photodiode": photodiode, "light": light}
+    given: dict[str, Any] = {"stage": stage, "photodiode": photodiode, "light": light}
     found = _found([p for p in ports or () if p not in given.values()], ports is None, look, set(given.values()))
     names = axes_of(kinematics)
     if found is not None and stage is None and found.stage is not None:
         if len(found.servos) == len(names):
-            given["ids"] = dict(zip(names, found.servos))  # type: ignore[assignment]
-        given |= {"stage": found.stage, "baud": found.stage_baud, "model": found.model}  # type: ignore[dict-item]
+            given["ids"] = dict(zip(names, found.servos))
+        given |= {"stage": found.stage, "baud": found.stage_baud, "model": found.model}
     for kind in ("photodiode", "light"):
         given[kind] = given[kind] or getattr(found, kind, None)
     lines = [] if found is None else found.lines
     text = rig_yaml(
-        name, kinematics=kinematics, detector=detector, camera=camera or _camera(), found=lines, **given  # type: ignore[arg-type]
+        name, kinematics=kinematics, detector=detector, camera=camera or _camera(), found=lines, **given
     )  # fmt: skip
     _write(path, text, RigConfig, ConfigError)
     typer.echo(f"wrote {path}; `gonio doctor --rig {path}` says what is missing")

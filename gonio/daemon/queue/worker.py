@@ -73,7 +73,7 @@ class Queue:
                 continue
             try:
                 self._do(entry)
-            except Exception:
+            except Exception:  # the thread outlives any entry: the work ends, the log says why, the queue is kept
                 log.exception("the queue")
                 self.entries.work(False)
             self.show()

@@ -34,6 +34,7 @@ class Lattice:
 
 def say_loss(lattice: Lattice, brdf: Brdf, what: str, theta_i: Array = AWAY) -> float:
     """The energy error of the lattice against the BRDF at theta_i (radians); an ExportWarning where it is notable."""
+    # a lattice can be asked and not drawn from, and the referee only asks
     error = evaluate(lattice, brdf, n=1500, theta_i=theta_i)["energy_mean"]  # type: ignore[arg-type]
     if error > NOTABLE:
         line = f"{what} puts {error:.1%} of the reflected energy in the wrong place: what is narrower than its angles"
