@@ -60,8 +60,9 @@ def make_scan_products(folder: Path) -> list[str]:
     n = len(scan.pairs_deg)
     f = np.full((max(1, -(-int(m.id.max(initial=0) + 1) // n)), n, len(channels)), np.nan)
     sigma = f.copy()
-    if len(m.id):
-        f[m.id // n, m.id % n], sigma[m.id // n, m.id % n] = m.f, m.sigma
+    value = ~np.asarray(m.saturated, bool)  # a saturated reading is a bound: no part of a mean
+    at = m.id[value] // n, m.id[value] % n
+    f[at], sigma[at] = m.f[value], m.sigma[value]
     mean, u, scatter, count = _over_passes(f, sigma)
     pairs = np.array(scan.pairs_deg)
     table = Path(folder) / "scan.csv"
@@ -78,6 +79,8 @@ def make_scan_products(folder: Path) -> list[str]:
         plot_scan(pairs, mean, u, channels).savefig(part, dpi=120)
     short = int((count < scan.repeats).sum())
     missing = [f"note   {short} of {n} pairs have fewer than {scan.repeats} readings"] * (short > 0)
+    if bounds := int((~value).sum()):
+        missing.append(f"note   {bounds} readings are saturated and left out of the means")
     return [f"table  {table}", f"plot   {picture}", *missing]
 
 

@@ -211,3 +211,26 @@ def test_through_a_daemon(tmp_path):
         assert "plot" in done.stdout
     finally:
         daemon.close()
+
+
+def test_saturated_readings_are_no_part_of_a_mean(tmp_path, monkeypatch):
+    """They are bounds: said, and left out."""
+    from dataclasses import replace
+
+    from gonio.config import Material, load_config
+    from gonio.config.find import find_config
+    from gonio.config.rig import RigConfig
+    from gonio.run.scan import make_scan_products
+    from gonio.run.start import start
+
+    material = Material.model_validate({"name": "x", "truth": "analytic_gloss"})
+    rig = load_config(find_config("ideal", "rigs"), RigConfig)
+    run = start(material, rig, tmp_path / "run", scan=in_plane([30], 10, 20, 10))
+    run()
+    run.close()
+    whole = Store.measured
+    monkeypatch.setattr(Store, "measured", lambda self: replace(m := whole(self), saturated=m.id == 0))
+    said = make_scan_products(tmp_path / "run")
+    assert said[-1] == "note   1 readings are saturated and left out of the means"
+    first, second = (tmp_path / "run" / "scan.csv").read_text().splitlines()[1:]
+    assert ",,," in first and first.endswith(",0") and second.endswith(",1")
