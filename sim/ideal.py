@@ -18,6 +18,7 @@ from gonio.rig.build import envelope_of, park_pose
 from gonio.rig.clock import VirtualClock
 from gonio.rig.devices import Visited
 from gonio.rig.motion.plan import Planner
+from gonio.rig.on_way import Way
 from sim.sample import Sample
 
 
@@ -27,6 +28,7 @@ class IdealRig:
     simulated = True
     calibration_ids: Mapping[str, str] = MappingProxyType({})
     surrogate: Callable[[Array, Array], Array | None] | None = None  # a reading costs no trials here
+    on_way: Callable[[Way], None] | None = None  # nothing is read while it moves
 
     def __init__(self, config: RigConfig, sample: Sample, plan: PlanConfig, isotropic: bool):
         self.config, self.sample = config, sample

@@ -115,7 +115,8 @@ class OpenRig:
         order = np.argsort(parts[0])
         if len(order) != len(wi) or (parts[0][order] != first + np.arange(len(wi))).any():
             raise RuntimeError(f"rig {self.config.name}: was stopped before all pairs were measured")
-        return Samples.of(*(p[order] for p in parts[1:]))
+        wi, wo, f, sigma, saturated = (p[order] for p in parts[1:])
+        return Samples.of(wi, wo, f, sigma, saturated)
 
     def home(self) -> None:
         """Confirm the zero of every axis; nothing moves before. An ideal rig has none."""

@@ -28,4 +28,8 @@ class PlanConfig(Section):
         description="measurements between two looks whether lamp, dark and detector are as they were; 0: never; "
         "null: 160 on rigs of real drivers, never on others",
     )
+    fly: bool | None = Field(
+        None, description="read while the arms move, for the reconstruction; null: where the rig can"
+    )
+    fly_rate: float = Field(200.0, gt=0, le=2000, description="readings a second while the arms move")
     reference_every: int = Field(0, ge=0, description="measurements between two looks at the reference point; 0: never")

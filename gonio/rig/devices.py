@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gonio.geometry import Array
+from gonio.rig.on_way import Way
 
 
 @dataclass(frozen=True)
@@ -116,10 +117,12 @@ class Rig(Protocol):
     """A gonioreflectometer: all that the acquisition loop knows of one.
 
     surrogate(wi, wo) -> f (N, C), or None where it knows nothing yet, is what readings will be about; the loop sets it,
-    a rig may ignore it.
+    a rig may ignore it. on_way(way), None = nobody wants it, is called with what was read on each leg of a move,
+    before `visit` gives the measurement that the move leads to; the loop sets it, a rig that cannot ignores it.
     """
 
     surrogate: Callable[[Array, Array], Array | None] | None
+    on_way: Callable[[Way], None] | None
 
     @property
     def simulated(self) -> bool: ...

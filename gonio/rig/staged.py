@@ -30,6 +30,7 @@ from gonio.rig.motion.driver import Driver
 from gonio.rig.motion.envelope import Envelope
 from gonio.rig.motion.pending import Pending
 from gonio.rig.motion.plan import Planner
+from gonio.rig.on_way import Way
 from gonio.rig.signal.levels import Levels
 from gonio.rig.signal.radiometry import Dark, Radiometry
 from gonio.rig.signal.watch import Watch
@@ -44,12 +45,12 @@ class StagedRig:
     """Implements `gonio.rig.devices.Rig`.
 
     announce(id), if given, is called before each measurement: simulated devices draw its noise from it (dark readings
-    have negative ids). release(), if given, lets the devices go at `close`. `surrogate(wi, wo) -> f (N, C)`, or None
-    where it knows nothing yet, may be set to predict readings, which saves trials of ranges and exposures.
+    have negative ids). release(), if given, lets the devices go at `close`. `surrogate` saves trials of ranges.
     """
 
     calibration_ids: Mapping[str, str] = MappingProxyType({})  # for the run's provenance
     surrogate: Callable[[Array, Array], Array | None] | None = None
+    on_way: Callable[[Way], None] | None = None
 
     def __init__(
         self,

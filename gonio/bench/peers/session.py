@@ -42,12 +42,11 @@ class Session:
         seen = list(self._rig.visit(wi, wo, np.arange(len(wi))))
         ids = np.concatenate([v.ids for v in seen]) if seen else np.zeros(0, int)
         back = np.argsort(ids)
-        parts = {
-            k: np.concatenate([getattr(v, k) for v in seen])[back] for k in ("wi", "wo", "f", "sigma", "saturated")
-        }
+        wi, wo, f, sigma = (np.concatenate([getattr(v, k) for v in seen])[back] for k in ("wi", "wo", "f", "sigma"))
+        saturated = np.concatenate([v.saturated for v in seen])[back]
         self.rig_s += float(sum(v.rig_s.sum() for v in seen))
         self.measured += len(ids)
-        self._parts.append(Samples.of(**parts))
+        self._parts.append(Samples.of(wi, wo, f, sigma, saturated))
         return self._parts[-1]
 
     @property
